@@ -10,7 +10,7 @@ use crate::linear::LinearSolver;
 use crate::piecewise::PiecewiseSmooth;
 use crate::words::Count;
 
-/// A stretch of a solution curve, collected.
+/// A part of a solution curve with its events, collected.
 ///
 /// ```
 /// use semismooth::continuation::{Branch, ContinuationOptions, Direction};
@@ -40,7 +40,7 @@ pub struct Branch {
     pub smooth_folds: Vec<SmoothFold>,
     /// Branch points inside pieces or of grazing curves, by arclength.
     pub branch_points: Vec<BranchPoint>,
-    /// Zeros of functions of the user, by arclength.
+    /// Zeros of monitor functions, by arclength.
     #[cfg_attr(feature = "serde", serde(default))]
     pub monitor_crossings: Vec<MonitorCrossing>,
     /// Why the branch ended.
@@ -58,8 +58,8 @@ impl Branch {
     ///
     /// # Complexity
     /// A step takes one to [`max_corrections`](ContinuationOptions::max_corrections) factorisations of ∇H with n residuals, two or three as
-    /// a rule: O(n³) dense, what fill there is sparse. Where all pieces are affine a transition replaces the rows of the site that changes,
-    /// O(n²). A branch point inside a piece takes about ten more factorisations. Where p sites with k pieces each switch at
+    /// a rule: O(n³) dense, less by the fill-in if sparse. Where all pieces are affine a transition replaces the rows of the site that
+    /// changes, O(n²). A branch point inside a piece takes about ten more factorisations. Where p sites with k pieces each switch at
     /// once there are up to kᵖ selections to try; see [`arms_at`](super::arms_at).
     ///
     /// # Errors
@@ -105,7 +105,7 @@ impl Branch {
         })
     }
 
-    /// Collects what is left of a continuation; `observe` sees every event and may stop.
+    /// Collects the remaining events of a continuation; `observe` is called with every event and may stop.
     ///
     /// # Errors
     /// As the iteration.
@@ -131,7 +131,7 @@ impl Branch {
             updates: 0,
             corrections: 0,
         };
-        // Events found together with one at which the observer stops are kept; it does not see them.
+        // Events found in the same step as one at which the observer stops are kept without being passed to it.
         let mut stopped = false;
         while let Some(event) = curve.next_event() {
             let event = event?;

@@ -44,8 +44,8 @@ pub fn certify<P: PiecewiseSmooth + ?Sized>(
     Ok(local_uniqueness(map, x, &active, load, options.max_selections)?)
 }
 
-/// [`certify`] for parameters p that the pieces themselves depend on, `derivative` giving ∂_pH^(σ) (n × k) of a selection: the coefficients
-/// of friction, for one, with [`friction_derivative`](crate::contact::friction_derivative).
+/// [`certify`] for parameters p on which the pieces depend, `derivative` giving ∂_pH^(σ) (n × k) of a selection: for example the
+/// coefficients of friction, with [`friction_derivative`](crate::contact::friction_derivative).
 ///
 /// # Errors
 /// As [`local_uniqueness_with`].
@@ -105,7 +105,7 @@ impl Transition {
             &self.test_functions,
             layout.total(),
         )?;
-        // Those told may be in a scale of the user's, in which rounding decides signs.
+        // Those recorded may be in the user's scale, in which rounding decides signs.
         let mut theta = vec![0.0; layout.total()];
         map.test_functions(&self.x, &mut theta);
         keep_inside(&map, &layout, &self.before, &self.vanishing, &mut theta);

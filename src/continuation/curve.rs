@@ -9,11 +9,11 @@ use crate::piecewise::PiecewiseSmooth;
 /// Follows a solution curve of H(x) = 0, x = (y, α), through its kinks: an iterator of [events](Event).
 ///
 /// Between transitions the selection σ is frozen and the Moore–Penrose corrector of H^(σ) converges as for a smooth curve. The
-/// first facet crossed is located to rounding on the curve of σ. There the active selections are listed, each with its kernel
-/// turned into its own cell: the arms. A curve goes on along the only arm, or straight on where several leave; it stops where
+/// first facet crossed is located to rounding on the curve of σ. There the arms are found: the kernel vectors of the active selections,
+/// each pointing into the cell of its selection. A curve continues along the only arm, or straight on where several leave; it stops where
 /// several leave and none is straight.
 ///
-/// A step is rejected when its corrected point is not where it was predicted, when the tangent turns too far, or when the
+/// A step is rejected when its corrected point is too far from the prediction, when the tangent turns too far, or when the
 /// orientation sign det [∇H; τᵀ] flips without an event to account for it.
 ///
 /// ```
@@ -83,7 +83,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L> Continuation<'a, P, L> {
         self.curve.erased().corrections()
     }
 
-    /// Ends the curve; the iterator gives what is still in the queue and then nothing.
+    /// Ends the curve; the iterator gives the events already found and then ends.
     pub fn stop(&mut self) {
         self.curve.erased_mut().stop();
     }

@@ -13,7 +13,7 @@ use crate::spread::golden;
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
 const SINGULAR: f64 = 1e-7;
 
-/// A place on the curve, with all that is known there.
+/// A point of the curve, with its tangent, selection, signs and test functions.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct State {
@@ -23,7 +23,7 @@ pub(super) struct State {
     /// Sign of det [∇H^(σ); tᵀ].
     pub(super) orientation: Option<i8>,
     pub(super) det_sign: Option<i8>,
-    /// Rate at which the regularity of ∇H^(σ) falls along the tangent, relative to itself: the inverse of the distance at which a
+    /// Relative rate at which the regularity of ∇H^(σ) falls along the tangent: the inverse of the distance at which a
     /// singular point is to be expected. `None` at singular points.
     #[cfg_attr(feature = "serde", serde(default))]
     pub(super) decline: Option<f64>,
@@ -32,13 +32,13 @@ pub(super) struct State {
     pub(super) s: f64,
 }
 
-/// The solver of the corrector, whichever it is.
+/// The solver of the corrector, of any type.
 pub(super) type Solver<'a> = Box<dyn LinearSolver + Send + 'a>;
 
 /// A function of x = (y, α) that threads may share.
 pub(super) type Function<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
 
-/// Whether the user wants a curve to end.
+/// Whether the curve is to end, as the user's function says.
 pub(super) type Over<'a> = Box<dyn Fn() -> bool + Send + Sync + 'a>;
 
 /// A function of x, and the side of its zero set on which the curve runs.
@@ -57,8 +57,8 @@ impl Watch<'_> {
     }
 }
 
-/// A curve that is being followed. It is compiled once: all that computes is written for a map of any type, `Curve<'_>`. Kept is the
-/// map as it was given, so that a curve can be sent to another thread if its map can be shared; see [`erased`](Curve::erased).
+/// A curve that is being followed. Computations are written for `Curve<'_>`, with the map behind a trait object, and compiled once. The
+/// map is stored with its own type, so that a curve can be sent to another thread if its map can be shared; see [`erased`](Curve::erased).
 pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) options: ContinuationOptions,
     pub(super) layout: TestLayout,
@@ -76,19 +76,19 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     /// Size of the terms of H for affine pieces; for curved ones that of each row.
     pub(super) residual_scale: f64,
     pub(super) row_sizes: Vec<f64>,
-    /// That of the last steps: turn of the tangent over length, fading where the curve straightens.
+    /// Curvature of the last steps: turn of the tangent over length, decaying where the curve straightens.
     pub(super) curvature: f64,
     pub(super) points: usize,
-    /// By what the regularity of ∇H is measured.
+    /// The vector by which the regularity of ∇H is measured.
     pub(super) probe: Vec<f64>,
     /// Number of steps in a row that had to be shortened.
     pub(super) creeping: usize,
     pub(super) queue: VecDeque<Event>,
     pub(super) termination: Option<Termination>,
     pub(super) start: Vec<f64>,
-    /// Runs where time is limited.
+    /// Started if time is limited.
     pub(super) clock: Option<Clock>,
-    /// Whether the user wants the curve to end, also amid a step.
+    /// Whether the user wants the curve to end; also checked within a step.
     pub(super) over: Option<Over<'a>>,
     /// Factorisations and corrections before the state was last saved.
     pub(super) earlier: (usize, usize),
@@ -101,7 +101,7 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) residual: Vec<f64>,
     pub(super) behind: Vec<f64>,
     pub(super) sizes: Vec<f64>,
-    /// Functions of the user, and their sides where a saved run left off.
+    /// Monitor functions, and their signs where a saved run ended.
     pub(super) watches: Vec<Watch<'a>>,
     pub(super) saved_sides: Vec<f64>,
     /// The map in scaled variables, in which everything here is computed; events are given in its own.
@@ -109,7 +109,7 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
 }
 
 impl<'a, M> Curve<'a, M> {
-    /// The same curve of the same map in another guise.
+    /// The same curve with its map as another type.
     pub(super) fn with_map<N>(self, map: N) -> Curve<'a, N> {
         Curve {
             map: self.map.with_map(map),
@@ -150,12 +150,12 @@ impl<'a, M> Curve<'a, M> {
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
-    /// The same curve, the type of its map forgotten.
+    /// The same curve, its map behind a trait object.
     pub(super) fn erased(&self) -> &Curve<'a> {
         self
     }
 
-    /// The same curve, the type of its map forgotten.
+    /// The same curve, its map behind a trait object.
     pub(super) fn erased_mut(&mut self) -> &mut Curve<'a> {
         self
     }
@@ -242,7 +242,7 @@ impl<'a> Curve<'a> {
         self.here.det_sign.map(|s| if vertical { 0 } else { s })
     }
 
-    /// When searches for arms have to end.
+    /// Deadline of searches for arms.
     pub(super) fn deadline<'s>(
         clock: Option<Clock>,
         options: &ContinuationOptions,
@@ -258,7 +258,7 @@ impl<'a> Curve<'a> {
         }
     }
 
-    /// Why the curve has to end now, if it has to.
+    /// The reason for which the curve has to end here, if there is one.
     pub(super) fn is_over(&self) -> Option<Termination> {
         if self.over.as_ref().is_some_and(|over| over()) {
             return Some(Termination::Stopped);
@@ -314,8 +314,8 @@ pub(super) fn term_size(jac: &Matrix, x: &[f64], h: f64, t: &[f64]) -> f64 {
     norm(&sums)
 }
 
-/// Raises `sizes` (filled up with zeros) to those of the terms that cancel in each row of H: the sum of |J_ij| (|x_j| + h |t_j|), and at
-/// least what makes `tolerance` times it a rounding error of x as large as other rows measure x.
+/// Raises `sizes` (padded with zeros) to the sizes of the terms that cancel in each row of H: the sum of |J_ij| (|x_j| + h |t_j|), and at
+/// least a size for which `tolerance` times it corresponds to the rounding error of x as other rows measure x.
 pub(super) fn row_sizes(
     jac: &Matrix,
     x: &[f64],

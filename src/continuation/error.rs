@@ -39,7 +39,7 @@ pub enum ContinuationError {
         /// Name of the site.
         site: String,
     },
-    /// A diagram was asked about another map than its own.
+    /// A diagram was queried with another map than its own.
     #[error(
         "the diagram is not that of this map: at its point with parameter {parameter} the residual is {residual:e}; use the map it was \
          explored with"
@@ -50,28 +50,28 @@ pub enum ContinuationError {
         /// ‖H‖₂ there.
         residual: f64,
     },
-    /// No arm of the curve leaves the start in the direction asked for.
+    /// No arm of the curve leaves the start in the requested direction.
     #[error("no arm leaves the start with {wanted}; {found} arms leave it in other directions")]
     NoArm {
-        /// The direction asked for.
+        /// The direction requested.
         wanted: &'static str,
         /// Number of arms in all.
         found: usize,
     },
-    /// No arm was found in the direction asked for, and the search was not complete: more arms may leave the start.
+    /// No arm was found in the requested direction, and the search was not complete: more arms may leave the start.
     #[error(
         "undecided whether an arm leaves the start with {wanted}: {reason}; {found} arms were found in other directions"
     )]
     UndecidedArms {
-        /// The direction asked for.
+        /// The direction requested.
         wanted: &'static str,
         /// Number of arms found.
         found: usize,
         /// Dimension of the kernel of ∇H that left the search undecided; 0 where a limit ended it.
         kernel: usize,
-        /// The variables that take part in that kernel, the one that does most first, counted from 0.
+        /// The variables that take part in that kernel, the one with the largest component first, counted from 0.
         variables: Vec<usize>,
-        /// What left it undecided, and what to do.
+        /// Why it is undecided, and a remedy.
         reason: String,
     },
     /// A saved run contradicts the map.
@@ -82,7 +82,7 @@ pub enum ContinuationError {
     Saved {
         /// What contradicts the map.
         what: &'static str,
-        /// By how much; infinite where nothing is near.
+        /// By how much; infinite for quantities without a distance.
         deviation: f64,
     },
     /// The two independent rules of orientation disagree at a transition.

@@ -4,7 +4,7 @@ use super::{Arm, ContinuationOptions, Event, Point};
 use crate::piecewise::{PiecewiseSmooth, Scaled};
 
 impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
-    /// Values of α and lengths in z. Steps may be as short, and curves grow as long, as the size of α asks for.
+    /// Values of α and lengths in z. Limits on step lengths and arclength are scaled with the size of α.
     pub(super) fn scale_options(&self, options: &mut ContinuationOptions) {
         let size = self.parameter_size();
         options.min_step /= size.max(1.0);
@@ -12,7 +12,7 @@ impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
         convert_lengths(options, size.recip());
     }
 
-    /// Takes [`scale_options`](Self::scale_options) back; exact, as sizes are powers of two.
+    /// The inverse of [`scale_options`](Self::scale_options); exact, as sizes are powers of two.
     pub(super) fn unscale_options(&self, options: &mut ContinuationOptions) {
         let size = self.parameter_size();
         options.min_step *= size.max(1.0);

@@ -13,11 +13,11 @@ pub enum Strategy {
     Located,
     /// The algorithm of Haslinger, Janovský and Ligurský: the selection is that of the active set at each iterate; steps are
     /// halved down to `min_step` in front of a kink, then the vanishing test functions give a new selection. Transitions are
-    /// accurate to `min_step` only, and branches may be jumped; kept to reproduce published runs.
+    /// accurate to `min_step` only, and the curve may jump to another branch; kept to reproduce published runs.
     Switching,
 }
 
-/// Options of the continuation. The defaults need no touching.
+/// Options of the continuation. The defaults suit most problems.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
@@ -63,23 +63,24 @@ pub struct ContinuationOptions {
     /// Largest ‖x‖₂ relative to 1 + ‖x⁰‖₂ (curves may tend to infinity at a pole). Default 1e6.
     #[cfg_attr(feature = "serde", serde(with = "crate::extended"))]
     pub max_growth: f64,
-    /// Largest wall-clock time, looked at before each step and, where many arms are searched, each linear program and factorisation. No
-    /// factorisation is interrupted, and no kernel by singular values at a degenerate point. Default none.
+    /// Largest wall-clock time, checked before each step and, in searches of many arms, before each linear program and factorisation. A
+    /// factorisation or a singular value decomposition at a degenerate point is not interrupted. Default none.
     pub max_time: Option<Duration>,
     /// Distance in x, relative to 1 + ‖x‖₂, within which a test function counts as vanishing at a start, at a branch point and where the
-    /// selection is singular. At transitions met along a curve that is decided along it, to rounding. Default 1e-9.
+    /// selection is singular. At transitions met along a curve, the distance along the curve decides, to rounding. Default 1e-9.
     pub vanishing_distance: f64,
     /// Typical sizes of all variables (y, α), in their units: distances and angles are measured in the variables divided by them,
     /// arclength in that measure times the size of α, so that steps are changes of α where nothing else changes much. Default empty:
-    /// what the map knows of itself ([`PiecewiseSmooth::typical_sizes`](crate::piecewise::PiecewiseSmooth::typical_sizes)) where that
-    /// is further than 10³ from 1.
+    /// the sizes given by the map ([`PiecewiseSmooth::typical_sizes`](crate::piecewise::PiecewiseSmooth::typical_sizes)) where they
+    /// are further than a factor of 10³ from 1.
     pub typical_sizes: Vec<f64>,
     /// Largest number of active selections examined at one point where all are tried in turn. Default 4096.
     pub max_selections: u64,
     /// Largest number of partial selections tried at one point where the search for arms is pruned. Default 1 000 000.
     pub max_nodes: u64,
-    /// Where the search for arms gives up, a local search goes on from this number of random selections for either sign of α̇, with 80
-    /// linear solves for each (4 where there are more than 600 unknowns); it may find arms and never completes the list. Default 50.
+    /// Where the search for arms reaches its limits, a local search starts from this number of random selections for either sign of α̇,
+    /// with 80 linear solves for each (4 where there are more than 600 unknowns); it may find arms but never makes the list complete.
+    /// Default 50.
     pub local_starts: usize,
 }
 
@@ -112,7 +113,7 @@ impl Default for ContinuationOptions {
 }
 
 impl ContinuationOptions {
-    /// The settings printed in the talk of Haslinger, Janovský and Ligurský, with its own algorithm: ε = ε' = 1e-6,
+    /// The settings printed in the talk of Haslinger, Janovský and Ligurský, with their algorithm: ε = ε' = 1e-6,
     /// h_min = 1e-5, h = 0.05, k_max = 10, growth × 1.3 up to 1, halving.
     #[must_use]
     pub fn seed() -> Self {

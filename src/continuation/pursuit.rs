@@ -1,9 +1,9 @@
-//! A curve followed towards the upper bound of its parameter, also over branchings.
+//! A curve followed towards the upper bound of its parameter, also through branchings.
 
 use super::{Arm, Continuation, ContinuationOptions, Direction, Event, Termination};
 use crate::piecewise::PiecewiseSmooth;
 
-/// How far a pursuit came.
+/// How far the curve was followed.
 pub(crate) struct Pursuit {
     /// The last point if the bound was reached, else that with the largest parameter.
     pub(crate) x: Vec<f64>,
@@ -13,9 +13,9 @@ pub(crate) struct Pursuit {
     pub(crate) interrupted: bool,
 }
 
-/// Follows the curve from x, on which the parameter grows at first, to the upper bound of its range. At a branching the arm is taken on
-/// which the parameter grows fastest, `branchings` times at most; `arm_points` says how many points an arm may have after so many on
-/// the way. `see` may stop the pursuit. `None` where the curve or an arm of it cannot be begun.
+/// Follows the curve from x, in the direction of growing parameter, to the upper bound of its range. At a branching the arm is taken on
+/// which the parameter grows fastest, `branchings` times at most; `arm_points` gives the largest number of points of an arm from the number
+/// of points before it. `see` may stop the run. `None` where the curve or an arm of it cannot be started.
 pub(crate) fn pursue(
     map: &dyn PiecewiseSmooth,
     x: &[f64],

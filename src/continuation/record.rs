@@ -20,7 +20,7 @@ pub struct Point {
     pub arclength: f64,
     /// ‖H(x)‖₂.
     pub residual_norm: f64,
-    /// Sign of det ∇_yH^(σ), where the solver knows determinants; 0 when singular (|α̇| ≤ 1e-7).
+    /// Sign of det ∇_yH^(σ), where the solver provides determinants; 0 when singular (|α̇| ≤ 1e-7).
     pub det_sign: Option<i8>,
     /// Number of corrections spent on it.
     pub corrections: usize,
@@ -64,17 +64,17 @@ impl fmt::Display for PointKind {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum TransitionKind {
-    /// The active selection changes, α goes on in its direction.
+    /// The active selection changes, α keeps its direction.
     PassThrough,
     /// A non-smooth fold: the active selection changes and α turns.
     Fold,
-    /// The curve enters a vertical segment: α stays constant behind the point.
+    /// The curve enters a vertical segment: α is constant beyond the point.
     VerticalBegin,
     /// The curve leaves a vertical segment.
     VerticalEnd,
     /// More than two arms leave the point.
     Branching,
-    /// No arm leaves the point but the one the curve came along.
+    /// No arm leaves the point but the one along which the curve arrived.
     End,
     /// No other arm was found, and the search was not complete.
     Undecided,
@@ -164,22 +164,22 @@ pub struct Transition {
     pub before: Selection,
     /// Selection on departure.
     pub after: Selection,
-    /// The sites that have a vanishing test function, with their pieces; those that change first.
+    /// The sites that have a vanishing test function, with their pieces; those whose piece changes come first.
     pub sites: Vec<SiteChange>,
     /// All test functions of all sites at x, in the order of the map.
     pub test_functions: Vec<f64>,
     /// Positions of the vanishing ones.
     pub vanishing: Vec<usize>,
-    /// What happens here.
+    /// The kind of transition.
     pub kind: TransitionKind,
-    /// All arms that leave x, but the one on which the curve arrived. The curve follows `followed`.
+    /// All arms that leave x, but the one on which the curve arrived. The curve continues along `followed`.
     pub arms: Vec<Arm>,
     /// Index in `arms` of the arm that is followed, if any.
     pub followed: Option<usize>,
-    /// Whether all active selections were examined and none left open, within tolerances: no limit was reached.
-    /// [`all_arms`](crate::enumeration::all_arms) proves such a list, or says why it cannot.
+    /// Whether all active selections were examined and none is undecided, within tolerances: no limit was reached.
+    /// [`all_arms`](crate::enumeration::all_arms) proves the list complete, or gives the reason why it cannot.
     pub complete: bool,
-    /// Sign of det ∇_yH^(σ) on departure, where an arm is followed and the solver knows determinants; 0 on vertical segments.
+    /// Sign of det ∇_yH^(σ) on departure, where an arm is followed and the solver provides determinants; 0 on vertical segments.
     pub det_sign: Option<i8>,
     /// ‖H(x)‖₂.
     pub residual_norm: f64,
@@ -242,7 +242,7 @@ pub struct BranchPoint {
     pub complete: bool,
 }
 
-/// A zero of a function of the user on the curve ([`with_monitor`](super::Continuation::with_monitor)).
+/// A zero of a monitor function on the curve ([`with_monitor`](super::Continuation::with_monitor)).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -255,7 +255,7 @@ pub struct MonitorCrossing {
     pub point: Point,
 }
 
-/// What one pull of the iterator gives.
+/// An item of the iterator.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -268,7 +268,7 @@ pub enum Event {
     SmoothFold(SmoothFold),
     /// A branch point inside a piece or of a grazing curve.
     BranchPoint(BranchPoint),
-    /// A zero of a function of the user.
+    /// A zero of a monitor function.
     Monitor(MonitorCrossing),
 }
 
@@ -358,9 +358,9 @@ impl fmt::Display for Event {
 pub enum Termination {
     /// α reached a bound of its range.
     ParameterRange,
-    /// The last transition has no arm to go on.
+    /// No arm continues the curve from the last transition.
     End,
-    /// At the last transition no arm to go on was found, and the search was not complete.
+    /// No arm that continues the curve from the last transition was found, and the search was not complete.
     Undecided,
     /// Several arms leave the last point and none goes straight on; start again along one of them.
     Branching,
@@ -376,11 +376,11 @@ pub enum Termination {
     MaxTime,
     /// No step of at least the smallest length was accepted.
     StepTooSmall,
-    /// The orientation changes within the smallest step, and no branch point to rounding explains it: two curves cross or pass each
-    /// other there, which of the two is not decided. Or ∇H becomes singular and the orientation does not change, where curves touch or more
-    /// than two meet. Not a branch point, not the end of the curve.
+    /// The orientation changes within the smallest step, and no branch point accurate to rounding explains it: two curves cross or pass
+    /// each other there; which of the two is not decided. Or ∇H becomes singular and the orientation does not change, where curves touch or
+    /// more than two meet. Neither a branch point nor the end of the curve.
     UnresolvedCrossing,
-    /// A function of the user vanished at which the curve was to end.
+    /// A monitor function that ends the curve vanished.
     Monitor,
     /// The user stopped.
     Stopped,

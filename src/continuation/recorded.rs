@@ -1,4 +1,4 @@
-//! An error comes back as its message.
+//! Serialisation of errors: an error is read back as its message.
 
 use serde::{Deserialize, Deserializer, Serializer};
 

@@ -5,9 +5,9 @@ use super::{ContinuationError, SavedRun, Strategy};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, select};
 use crate::sparse::{distance, norm};
 
-/// Agreement of what is stored exactly, or computed anew.
+/// Agreement required of values stored exactly, or recomputed.
 const EXACT: f64 = 1e-9;
-/// Residual of a point, relative to the terms of its rows, that counts as on the curve, unless the run asks for less.
+/// Residual of a point, relative to the terms of its rows, up to which it counts as on the curve, unless the run has a larger tolerance.
 const ON_CURVE: f64 = 1e-8;
 /// Distance, relative to 1 + ‖x‖, between facets as stored and as computed.
 const FACET: f64 = 1e-7;
@@ -27,7 +27,7 @@ fn relative(a: f64, b: f64) -> f64 {
 }
 
 impl SavedRun {
-    /// Scalars that no run can have.
+    /// Refuses scalars that no run can have.
     pub(super) fn check_scalars(&self, map: &dyn PiecewiseSmooth) -> Result<(), ContinuationError> {
         let positive = |v: f64| if v > 0.0 { 0.0 } else { f64::INFINITY };
         agree("the step length", positive(self.step), 0.0)?;
@@ -132,7 +132,7 @@ impl Curve<'_> {
         agree(what, relative_residual(&r, &sizes), tolerance.max(ON_CURVE))
     }
 
-    /// Rates of the test functions in a few directions tell the sizes of their gradients.
+    /// Sizes of the gradients of the test functions, estimated from their rates in a few directions.
     fn gradient_sizes(&self) -> Vec<f64> {
         const DIRECTIONS: u64 = 4;
         let (m, total) = (self.here.x.len(), self.layout.total());

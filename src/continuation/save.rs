@@ -12,9 +12,9 @@ use crate::piecewise::{
 };
 
 /// The state of a [`Continuation`] between two events: point, tangent, selection, step size, options, counters, events not yet
-/// given out. With the `serde` feature it can be written and read in any format.
+/// returned. With the `serde` feature it can be written and read in any format.
 ///
-/// A run that is resumed goes on, bit for bit, as the run that was saved. Formats must keep every bit of an `f64`: for
+/// A resumed run continues bit for bit like the run that was saved. Formats must keep every bit of an `f64`: for
 /// `serde_json` that is its feature `float_roundtrip` (on with this crate's `json`).
 ///
 /// ```
@@ -49,7 +49,7 @@ pub struct SavedRun {
     pub(super) residual_scale: f64,
     pub(super) row_sizes: Vec<f64>,
     pub(super) curvature: f64,
-    /// By what the regularity of ∇H is measured; empty for a generic vector.
+    /// The vector by which the regularity of ∇H is measured; empty for a generic vector.
     #[cfg_attr(feature = "serde", serde(default))]
     pub(super) probe: Vec<f64>,
     points: usize,
@@ -60,13 +60,13 @@ pub struct SavedRun {
     elapsed: Option<Duration>,
     factorisations: usize,
     corrections: usize,
-    /// Sides of the functions watched.
+    /// Signs of the monitor functions.
     #[cfg_attr(feature = "serde", serde(default))]
     pub(super) sides: Vec<f64>,
     /// Typical sizes by which points, tangents and lengths are divided; none for no scaling.
     #[cfg_attr(feature = "serde", serde(default))]
     pub(super) sizes: Vec<f64>,
-    /// The point as it is.
+    /// The point in the variables of the map.
     pub(super) x: Vec<f64>,
 }
 
@@ -100,7 +100,7 @@ impl SavedRun {
         &mut self.options
     }
 
-    /// Takes back that the run ended, so that it goes on once the limit that ended it is raised. No effect on curves that are at
+    /// Clears the termination, so that the run continues once the limit that ended it is raised. No effect on curves that are at
     /// their end (end of a branch, branching, closed).
     #[must_use]
     pub fn reopened(mut self) -> Self {
@@ -111,7 +111,7 @@ impl SavedRun {
         self
     }
 
-    /// Whether the state fits a map, so that nothing can go wrong in its use.
+    /// Checks that the state fits a map: lengths, indices and finite values.
     fn check(&self, map: &dyn PiecewiseSmooth) -> Result<(), ContinuationError> {
         let layout = TestLayout::new(map);
         let length = |what, expected: usize, found: usize| {
@@ -162,9 +162,9 @@ impl SavedRun {
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
-    /// The state of the run, after the events given out so far.
+    /// The state of the run, after the events returned so far.
     ///
-    /// What is kept of factorisations is dropped and made anew, so that this run and one resumed from the state go on alike to the
+    /// Stored factorisations are dropped and recomputed, so that this run and one resumed from the state agree to the
     /// last bit; one that is never saved may differ in the last digits where pieces are affine.
     ///
     /// # Errors
@@ -173,8 +173,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         self.curve.erased_mut().save()
     }
 
-    /// Goes on from a saved state, bit for bit as the run that was saved. The map must be the same; functions that were watched
-    /// are added again, in the same order.
+    /// Continues from a saved state, bit for bit like the run that was saved. The map must be the same; monitor functions
+    /// must be added again, in the same order.
     ///
     /// # Errors
     /// States that do not fit the map, options out of range; [`ContinuationError::Saved`] for a point that is not on the curve of the map,
@@ -264,7 +264,7 @@ impl Curve<'_> {
         self.renew_factors()
     }
 
-    /// Affine pieces are followed with the factors at hand; those of curved ones are made in every step.
+    /// Affine pieces are followed with the stored factors; curved ones are refactored in every step.
     fn renew_factors(&mut self) -> Result<(), ContinuationError> {
         if !self.map.is_piecewise_affine() || self.termination.is_some() {
             return Ok(());

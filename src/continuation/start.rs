@@ -1,4 +1,4 @@
-//! From what the user gives to a first point and a first direction.
+//! The first point and the first direction of a curve, from the user's start.
 
 use std::collections::VecDeque;
 
@@ -19,21 +19,20 @@ use crate::sparse::{dot, norm};
 /// Distance from a facet, relative to 1 + ‖x‖, within which a start is on it.
 const EXACT: f64 = 1e-14;
 
-/// Which way to leave the start.
+/// The direction in which to leave the start.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Direction {
-    /// With growing α.
+    /// With increasing α.
     Increasing,
-    /// With falling α.
+    /// With decreasing α.
     Decreasing,
     /// Along the arm nearest to the given vector (length n + 1), which must not be orthogonal to it.
     Along(Vec<f64>),
 }
 
-/// The start, on the bound of its parameter where rounding put it beyond. From further out a curve would take the way back to the bound for one
-/// along itself.
+/// The start, moved onto the bound of its parameter where rounding put it beyond; starts further outside are refused.
 fn inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<Vec<f64>, ContinuationError> {
     const ROUNDING: f64 = 1e-10;
     let mut inside = x.to_vec();
@@ -63,8 +62,8 @@ fn rows_vanish(jac: &Matrix, x: &[f64], r: &[f64]) -> bool {
     r.iter().zip(terms).all(|(r, terms)| r.abs() <= terms)
 }
 
-/// Whether rows of the Jacobian `jac` at x vanish against those a `step` away and H = `r` does, too: at a branch point there is nothing
-/// else to measure H by, and Newton's method would move x along or off the curve.
+/// Whether rows of the Jacobian `jac` at x vanish relative to those a `step` away and H = `r` does, too: at a branch point H has no other
+/// scale, and Newton's method would move x along or off the curve.
 fn is_branch_point(
     map: &dyn PiecewiseSmooth,
     selection: &Selection,
@@ -118,7 +117,7 @@ fn onto_curve(
     let solved = newton.solve(map, &mut x);
     match solved {
         Ok(_) => Ok(x),
-        // At folds and on vertical segments ∇_yH is singular: a start that is good to the tolerance is taken as it is.
+        // At folds and on vertical segments ∇_yH is singular: a start accurate to the tolerance is used unchanged.
         Err(_) if norm(&r) <= options.residual_tolerance * size => Ok(given),
         Err(e) => Err(e.into()),
     }
@@ -198,11 +197,12 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         Self::with_solver(map, x, direction, options, solver())
     }
 
-    /// [`new`](Self::new), and the curve ends once `over` says so: it is asked wherever [`max_time`](ContinuationOptions::max_time) is looked
-    /// at, also in searches for arms, which may take far longer than a step. Such a curve is [`Stopped`](super::Termination::Stopped).
+    /// [`new`](Self::new), and the curve ends once `over` returns true: it is called wherever [`max_time`](ContinuationOptions::max_time)
+    /// is checked, also in searches for arms, which may take far longer than a step. Such a curve is
+    /// [`Stopped`](super::Termination::Stopped).
     ///
     /// # Errors
-    /// As [`new`](Self::new); [`ContinuationError::UndecidedArms`] where it is over before an arm was found.
+    /// As [`new`](Self::new); [`ContinuationError::UndecidedArms`] where `over` returns true before an arm was found.
     pub fn new_until(
         map: &'a P,
         x: &[f64],
@@ -234,7 +234,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver + Send + 'a> Continuation<'a, P, L> {
-    /// [`new`](Continuation::new) with a linear solver of your own. Branch points inside of curved pieces are seen by the sign of a
+    /// [`new`](Continuation::new) with a linear solver of your own. Branch points inside curved pieces are detected by the sign of a
     /// determinant: not at all with a solver whose [`log_det`](LinearSolver::log_det) is `None`, as that of [`AutoSolver::new`] may be for
     /// large systems.
     ///
@@ -273,13 +273,13 @@ pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
     Ok((arms.list, arms.complete))
 }
 
-/// Starts as slices, of whatever type they are given.
+/// Starts of any type as slices.
 pub(super) fn slices<S: AsRef<[f64]>>(starts: &[S]) -> Vec<&[f64]> {
     starts.iter().map(AsRef::as_ref).collect()
 }
 
-/// The crate's own solver for curves, with determinants at any size: without them a point has no orientation, which is how singular ones
-/// are told, and rows of a selection cannot be replaced in the factors at hand.
+/// The crate's own solver for curves, with determinants at any size: without them a point has no orientation, by which singular points
+/// are recognised, and rows of a selection cannot be replaced in the stored factors.
 pub(super) fn solver() -> AutoSolver {
     AutoSolver::with_determinants()
 }
@@ -364,7 +364,7 @@ impl<'a> Curve<'a> {
     }
 }
 
-/// What is known of a curve at the point from which it sets out.
+/// Data of a curve at its start.
 struct Start {
     layout: TestLayout,
     state: State,
@@ -422,7 +422,7 @@ fn corrected_start<'a>(
     Ok((corrector, z))
 }
 
-/// A curve from x, corrected onto it. Here and below the type of the map is forgotten, so that this is compiled once.
+/// A curve from x, corrected onto it. Here and below the map is a trait object, so that this is compiled once.
 fn prepared<'a, 'b>(
     map: &'b dyn PiecewiseSmooth,
     x: &[f64],
@@ -538,7 +538,7 @@ mod tests {
     use crate::continuation::testing::Plane;
     use crate::piecewise::MinMap;
 
-    /// 1e12 (y₁ − α) = 0 hides that 1e-6 (y₂ − 2 α) is not: each row is looked at by itself.
+    /// 1e12 (y₁ − α) = 0 hides that 1e-6 (y₂ − 2 α) is not: each row is judged by itself.
     #[test]
     fn a_row_in_small_units_is_solved() {
         let rows = |x: &[f64], out: &mut [f64]| {
@@ -552,7 +552,7 @@ mod tests {
         assert!((x[0] - 1.0).abs() < 1e-9 && (x[1] - 2.0).abs() < 1e-9, "{x:?}");
     }
 
-    /// At a branch point there is nothing to correct: ∇H vanishes, and what is left of H is its rounding.
+    /// At a branch point there is nothing to correct: ∇H vanishes, and H is its rounding error.
     #[test]
     fn a_start_at_a_branch_point_stays() {
         let map = Plane::within(

@@ -19,7 +19,7 @@ impl Plane {
 }
 
 impl Curve<'_> {
-    /// Makes (y, α) with a unit tangent the end of the step at hand, as if that had been corrected.
+    /// Makes (y, α) with a unit tangent the end of the current step, as if it had been corrected.
     pub(super) fn step_to(&mut self, x: [f64; 2], t: [f64; 2]) {
         self.next = self.here.clone();
         self.next.x.copy_from_slice(&x);

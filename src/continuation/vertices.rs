@@ -11,14 +11,14 @@ pub struct BranchVertex<'a> {
     pub arclength: f64,
     /// x = (y, α).
     pub x: &'a [f64],
-    /// What happens here: "point", the name of a [`TransitionKind`](super::TransitionKind), "smooth fold", "branch point", or the name of a
+    /// The kind of point: "point", the name of a [`TransitionKind`](super::TransitionKind), "smooth fold", "branch point", or the name of a
     /// monitor.
     pub event: &'a str,
     /// Unit tangent on departure; where the curve ends, on arrival.
     pub tangent: &'a [f64],
     /// The selection on departure.
     pub selection: &'a Selection,
-    /// Sites on whose cell boundary the curve goes on, increasing.
+    /// Sites in whose cell boundary the curve continues, increasing.
     pub grazing: &'a [usize],
     /// Sign of det ∇_yH^(σ) on departure, where it is known; 0 where that is singular.
     pub det_sign: Option<i8>,

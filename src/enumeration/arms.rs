@@ -22,13 +22,13 @@ use crate::sparse::norm;
 const SAME: f64 = 1e-7;
 /// Rate of a test function, relative to its gradient, that counts as zero.
 const TANGENTIAL: f64 = 1e-9;
-/// Linear systems that the local search may solve, for each start.
+/// Largest number of linear systems in the local search, per start.
 const SOLVES: usize = 100;
 /// Selections examined one by one where the table of the search would not fit.
 const LARGE: u64 = 4096;
 /// Pieces in a list of selections to be examined one by one.
 const LISTED: usize = 1 << 27;
-/// Selections listed between two looks at the clock.
+/// Selections listed between two checks of the time limit.
 const LOOKS: usize = 1000;
 /// |α̇|, in scaled variables, up to which an arm counts as vertical.
 const VERTICAL: f64 = 1e-9;
@@ -38,11 +38,11 @@ const VERTICAL: f64 = 1e-9;
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DirectionalArm {
-    /// Unit tangent, pointing away from the point. Its last entry is 0 where that is rounding.
+    /// Unit tangent, pointing away from the point. Its last entry is set to 0 where it is rounding.
     pub tangent: Vec<f64>,
     /// All selections into whose closed cells it points, in lexicographic order; more than one when it runs in a facet.
     pub selections: Vec<Selection>,
-    /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver knows no determinants.
+    /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver provides no determinants.
     pub det_signs: Vec<Option<i8>>,
 }
 
@@ -81,7 +81,7 @@ pub struct DirectionalArms {
     pub unresolved: Vec<Selection>,
     /// Σ sign det ∇_yH^(σ) over the arms with α̇ > 0 and over those with α̇ < 0. The two are equal: ẏ ↦ H'(x; (ẏ, s)) has no zeros
     /// for s = 0 but ẏ = 0, hence the same degree for s = 1 and s = −1. In an incomplete list, sums that differ prove that arms are
-    /// missing; equal ones are evidence. `None` where there are vertical arms, undecided selections, or an arm whose index is
+    /// missing; equal ones are evidence that none is. `None` where there are vertical arms, undecided selections, or an arm whose index is
     /// unknown.
     pub orientation: Option<(i64, i64)>,
     /// Whether the list is complete to first order: proven, or else undecided. See [`all_arms`]. Selections count once for each of the runs
@@ -92,7 +92,7 @@ pub struct DirectionalArms {
 }
 
 impl DirectionalArms {
-    /// What follows from the arms of all selections.
+    /// Combines the arms of all selections.
     pub(super) fn new(mut arms: Vec<DirectionalArm>, unresolved: Vec<Selection>, nodes: u64) -> Self {
         let group = |a: &DirectionalArm| match a.rate() {
             _ if a.is_vertical() => 2,
@@ -126,18 +126,18 @@ impl DirectionalArms {
 /// All arms of the solution curves of H(y, α) = 0 at the solution `x` = (y, α). Test functions within `options.tolerance` of their
 /// zero set, as a distance relative to 1 + ‖x‖₂, count as vanishing there. The pieces need not be affine.
 ///
-/// For maps that [state their coefficients](PiecewiseSmooth::exact), as functions of α
-/// ([`is_affine_in_parameter`](crate::piecewise::ExactPieces::is_affine_in_parameter)), a complete list is proven, for the problem that the
-/// floating-point numbers state, at the exact point x* behind `x`: there all equalities of all pieces hold that the tolerance makes active at
-/// `x`; unknowns that they leave free, α if it may be one, are as in `x`. It is proven that x* exists and is unique, that it lies within
-/// `tolerance` of `x`, which pieces are active there, and what arms each selection of these has; by error bounds where these suffice, in
-/// rational arithmetic where not. Where conditions are affine in (y, α) together the arms are the solution set itself near x*; where
-/// coefficients vary with α they are its directions. The list is [undecided](Completeness::Undecided) where kinks within the tolerance of `x`
-/// do not meet in one exact point ([`Doubt::Coincidence`]), at walls and for all other maps ([`Doubt::NoCoefficients`]).
+/// For maps that give their [exact coefficients](PiecewiseSmooth::exact) as functions of α
+/// ([`is_affine_in_parameter`](crate::piecewise::ExactPieces::is_affine_in_parameter)), the list is proven to be complete, for the problem
+/// that the floating-point numbers define, at the exact point x* approximated by `x`: at x* the equalities of all pieces that are active at
+/// `x` within the tolerance hold; unknowns that they leave free, α if it is one, are as in `x`. It is proven that x* exists and is unique,
+/// that it lies within `tolerance` of `x`, which pieces are active there, and what arms each selection of these has; by error bounds where
+/// these suffice, in rational arithmetic where not. Where conditions are affine in (y, α) together the arms are the solution set itself
+/// near x*; where coefficients vary with α they are its directions. The list is [undecided](Completeness::Undecided) where kinks within the
+/// tolerance of `x` do not meet in one exact point ([`Doubt::Coincidence`]), at walls and for all other maps ([`Doubt::NoCoefficients`]).
 ///
 /// Where the cap on nodes or the limit of time is reached, or the number of rows times unknowns exceeds 2²⁶ and there are more than 4096 active
-/// selections, a local search goes on: Newton's method on the directional problem for α̇ = ±1 from random
-/// selections and from neighbours of what was found. The list then stays incomplete, whatever it holds.
+/// selections, a local search follows: Newton's method on the directional problem for α̇ = ±1 from random
+/// selections and from neighbours of those found. The list is then incomplete, even if no arm is missing.
 ///
 /// # Errors
 /// Options out of range, maps that are no curves, wrong length, values that are not finite, [`EnumerationError::Outside`].
@@ -189,7 +189,7 @@ fn arms_of(
         norm(&d) <= options.tolerance * (1.0 + norm(&z))
     };
     let searched = || searched_arms(&scaled, &z, &active, options, deadline);
-    // Where many selections meet, a search in floating-point numbers tells first whether the limits suffice: proofs take longer.
+    // Where many selections meet, a search in floating-point numbers first shows whether the limits suffice: proofs take longer.
     let sizes = active.degenerate_sites().iter().map(|s| s.1.len() as f64);
     let first = (sizes.product::<f64>() > FEW as f64).then(searched).transpose()?;
     let capped = |f: &DirectionalArms| matches!(f.completeness, Completeness::Incomplete { .. });
@@ -213,7 +213,7 @@ fn arms_of(
     Ok(found)
 }
 
-/// What is active at a point, within the tolerance.
+/// The active index set and the vanishing test functions at a point, within the tolerance.
 fn active_at(map: &dyn PiecewiseSmooth, x: &[f64], tolerance: f64) -> Result<ActiveSet, EnumerationError> {
     let layout = TestLayout::new(map);
     let mut theta = vec![0.0; layout.total()];
@@ -277,8 +277,8 @@ pub(crate) struct Candidates {
     pub(super) nodes: u64,
 }
 
-/// The active selections that the directional problem does not rule out; `None` where residuals depend on the pieces of so many
-/// degenerate sites that nothing can be ruled out early.
+/// The active selections that the directional problem does not exclude; `None` where residuals depend on the pieces of so many
+/// degenerate sites that none can be excluded early.
 pub(crate) fn directional_selections(
     map: &dyn PiecewiseSmooth,
     x: &[f64],
@@ -388,7 +388,7 @@ fn unique_directions(
     rates.iter().map(at).collect()
 }
 
-/// All choices of one of the pieces given for each site of a system, as numbers in the map.
+/// All selections with one of the given pieces at each site of a system, as piece numbers of the map.
 fn products(pieces: &[Vec<usize>], system: &System) -> Vec<Vec<usize>> {
     let mut all = vec![vec![0; system.sites.iter().map(|s| s.slots.len()).sum()]];
     for (site, pieces) in system.sites.iter().zip(pieces) {
@@ -450,13 +450,13 @@ pub(super) fn rate(system: &System, m: usize, constant: f64) -> Form {
     }
 }
 
-/// Roots that together hold all rays with α̇ = 0, each normalised by an affine condition, made one at a time. The forms that have
-/// one sign in all pieces of their site sum up to something ≥ 0, and to 0 only where all of them vanish: so either the sum is 1,
-/// or they all vanish and one of the directions left over is ±1, those before it being 0.
+/// Root problems that together contain all rays with α̇ = 0, each normalised by an affine condition, generated one at a time. The forms
+/// that have one sign in all pieces of their site have a sum ≥ 0, which is 0 only where all of them vanish: so either the sum is 1, or they
+/// all vanish and one of the remaining unknowns is ±1, those before it being 0.
 struct VerticalRoots {
     normalised: Option<Table>,
     rest: Option<Table>,
-    /// The value that the first direction left over takes next.
+    /// The next value of the first remaining unknown.
     value: f64,
 }
 
@@ -483,7 +483,7 @@ impl VerticalRoots {
         roots
     }
 
-    /// How many they are at the outset.
+    /// Their number at the beginning.
     fn total(&self) -> usize {
         usize::from(self.normalised.is_some()) + 2 * self.rest.as_ref().map_or(0, Table::dimension)
     }
@@ -507,7 +507,7 @@ impl Iterator for VerticalRoots {
     }
 }
 
-/// Computes and gathers the arms of single selections.
+/// Computes and collects the arms of single selections.
 struct Collector<'a> {
     map: &'a dyn PiecewiseSmooth,
     x: &'a [f64],
@@ -575,7 +575,7 @@ impl<'a> Collector<'a> {
         for factor in [1.0 / length, -1.0 / length] {
             let direction: Vec<f64> = tangent.iter().map(|t| t * factor).collect();
             let vertical = direction.last().is_some_and(|rate| rate.abs() <= VERTICAL);
-            // The determinant behind a vertical tangent is rounding noise.
+            // The determinant of a selection with a vertical tangent is rounding noise.
             let sign = if vertical { Some(0) } else { sign };
             if self.enters(selection, &direction) {
                 self.add(selection, direction, sign);

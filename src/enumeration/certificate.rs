@@ -1,4 +1,4 @@
-//! Proofs that what a table of rounded numbers rules out is impossible.
+//! Proofs by error bounds that selections excluded by a rounded simplex table are infeasible.
 
 use std::cell::OnceCell;
 
@@ -9,13 +9,13 @@ use crate::clock::Deadline;
 
 /// Relative error of each number of a form, and of each operation on them.
 const EPS: f64 = f64::EPSILON;
-/// Far below all numbers of size one: makes up for underflow.
+/// Far below all numbers of size one: accounts for underflow.
 const UNDERFLOW: f64 = 1e-290;
 
-/// The forms of the unknowns that variables of a table stand for, and how far the unknowns reach.
+/// The forms of the unknowns that the variables of a table represent, and bounds of the unknowns.
 ///
-/// A row of a table, v = c + Σ aⱼ vⱼ, is an identity between forms up to rounding. What it misses by is found by inserting the forms; where the
-/// unknowns are bounded, that has a bound, too, and so have the terms whose signs are not known.
+/// A row of a table, v = c + Σ aⱼ vⱼ, is an identity between forms up to rounding. Its error is found by inserting the forms; where the
+/// unknowns are bounded, the error has a bound, too, and so have the terms whose signs are not known.
 #[derive(Debug, Clone)]
 pub(super) struct Certificates {
     forms: Vec<Form>,
@@ -26,7 +26,7 @@ pub(super) struct Certificates {
     floor: f64,
 }
 
-/// The columns of one table as forms of the unknowns, factored once a row is asked for anew.
+/// The columns of one table as forms of the unknowns, factored once a row has to be recomputed.
 #[derive(Debug)]
 pub(super) struct Basis<'a> {
     factored: OnceCell<Option<Factored>>,
@@ -34,7 +34,7 @@ pub(super) struct Basis<'a> {
 }
 
 impl<'a> Basis<'a> {
-    /// Nothing is proven by it once time is over.
+    /// After the time limit nothing is proven.
     pub(super) fn until(deadline: Deadline<'a>) -> Self {
         Self {
             factored: OnceCell::new(),
@@ -59,8 +59,8 @@ impl Certificates {
         }
     }
 
-    /// Whether a variable has the sign of its row's constant, and is not 0, wherever what the table has decided holds. `basis` serves all
-    /// variables of this table.
+    /// Whether a variable has the sign of its row's constant, and is not 0, wherever the conditions decided in the table hold. `basis` can
+    /// be used for all variables of this table.
     pub(super) fn proves(&self, table: &Table, var: usize, basis: &Basis<'_>) -> bool {
         let (Some((constant, columns, active, coefficients)), Some(own)) =
             (table.identity(var), self.forms.get(var))
@@ -78,7 +78,7 @@ impl Certificates {
         if self.holds(&row) {
             return true;
         }
-        // Rounding errors of all exchanges on the way to this table are in its rows: without them, the same row may do.
+        // The rows of this table contain the rounding errors of all exchanges before it: recomputed without them, the row may suffice.
         self.anew(own, columns, basis)
             .is_some_and(|(fresh, coefficients)| {
                 let row = Identity {
@@ -208,7 +208,7 @@ mod tests {
         assert!(proven(&[fixed, form(0.0, &[-1.0, 2.0])], 1.9));
     }
 
-    /// Rows made anew are identities: v = c + Σ aⱼ vⱼ for all unknowns, whether forms or unknowns themselves stand in the columns.
+    /// Recomputed rows are identities: v = c + Σ aⱼ vⱼ for all unknowns, whether the columns are forms or unknowns.
     #[test]
     fn rows_made_anew_are_identities() {
         let mut random = Random::new(1);
@@ -220,7 +220,7 @@ mod tests {
             sites: Vec::new(),
         };
         let certificates = Certificates::new(&system, vec![1.0; 2]);
-        // The unknowns come behind the forms.
+        // The unknowns come after the forms.
         for columns in [[0, 1], [1, 3], [4, 0], [3, 4]] {
             let (constant, coefficients) = certificates
                 .anew(&forms[2], &columns, &Basis::until(Deadline::after(None)))
@@ -240,7 +240,7 @@ mod tests {
         }
     }
 
-    /// a (z + c) vanishes where z + c does, but for the rounding of a c: what is left of constants that cancel has no sign.
+    /// a (z + c) vanishes where z + c does, up to the rounding of a c: the remainder of constants that cancel has no sign.
     #[test]
     fn what_rounding_leaves_of_constants_has_no_sign() {
         for k in 1..200 {
@@ -248,7 +248,7 @@ mod tests {
             for c in [0.7, 1.3, 5.9, 77.7] {
                 let fixed = form(c, &[0.0, 1.0]);
                 assert!(!proven(&[fixed.clone(), form(c * a, &[0.0, a])], 1e-9), "{a} {c}");
-                // Each of the constants and of the coefficients may be off by a rounding of its own.
+                // Each constant and each coefficient may have a rounding error of its own.
                 for off in [EPS, -EPS, 2.0 * EPS, -2.0 * EPS] {
                     let own = form(c * a * (1.0 + off), &[0.0, a]);
                     assert!(!proven(&[fixed.clone(), own], 1e-9), "{a} {c} {off:e}");

@@ -7,15 +7,15 @@ const EPS: f64 = f64::EPSILON;
 /// Norm of I − B G up to which B counts as an approximate inverse.
 const NEAR: f64 = 0.25;
 
-/// Bounds of what the coefficients of a form, and its constant, are off.
+/// Error bounds of the coefficients of a form, and of its constant.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Error {
     pub(super) coefficients: f64,
     pub(super) constant: f64,
 }
 
-/// A point and how far in each component the solution of G z + c = 0 may be from it, the numbers of G and c being right to one unit in the
-/// last place.
+/// A point and a bound, for each component, of its distance from the solution of G z + c = 0, the numbers of G and c being accurate to one
+/// unit in the last place.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Enclosure {
     pub(super) point: Vec<f64>,
@@ -25,8 +25,8 @@ pub(super) struct Enclosure {
 }
 
 impl Enclosure {
-    /// `None` where G, given by rows, is not proven to be regular. `errors` bound, row by row, what the coefficients and the constant may be
-    /// off beyond their last place; where there are none it is empty. `None` also where time is over before.
+    /// `None` where G, given by rows, is not proven to be regular. `errors` bound, row by row, the errors of the coefficients and of the
+    /// constant beyond their last place; empty if there are none. `None` also after the time limit.
     pub(super) fn of(
         matrix: &[f64],
         constants: &[f64],
@@ -88,7 +88,7 @@ impl Enclosure {
                 miss[i] = (value + c, (value + c).abs() + rounding * (size + c.abs()) + off);
             }
         };
-        // The second round removes the rounding of the first.
+        // The second iteration removes the rounding of the first.
         for _ in 0..2 {
             measure(&point, &mut miss);
             for (i, p) in point.iter_mut().enumerate() {
@@ -127,7 +127,7 @@ impl Enclosure {
         both.map(|(p, r)| p.abs() + r).collect()
     }
 
-    /// That of the system with the opposite constants.
+    /// The enclosure for the system with the opposite constants.
     pub(super) fn mirrored(&self) -> Self {
         let mut mirrored = self.clone();
         mirrored.point.iter_mut().for_each(|p| *p = -*p);
@@ -377,7 +377,8 @@ mod tests {
         assert!((factors.defect() / bound - 1.0).abs() < 1e-13);
     }
 
-    /// The clock is looked at for each row of the factors, twice of the inverse and of the products, and nothing is told once time is over.
+    /// The time limit is checked for each row of the factors, twice for each of the inverse and of the products, and after it the result is
+    /// `None`.
     #[test]
     fn ends_where_time_is_over() {
         let n = 20;

@@ -1,4 +1,4 @@
-//! The search in exact arithmetic, for what rounding leaves open.
+//! The search in exact arithmetic, for decisions that rounding leaves open.
 
 use num_bigint::BigInt;
 use num_traits::{One, Zero};
@@ -12,7 +12,7 @@ use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite};
 /// Numbers that exact arithmetic may write for each node that the search may have: some seconds at most.
 const WORK_PER_NODE: u64 = 20;
 
-/// What exact arithmetic may write, and until when.
+/// The budget of exact arithmetic: numbers written, and time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Budget<'a> {
     left: u64,
@@ -113,7 +113,7 @@ fn parts(form: &ExactForm) -> (&Exact, &[Exact]) {
 }
 
 impl<'a> Tableau<'a> {
-    /// With the work of one elimination at most, until that is asked for.
+    /// With the work of at most one elimination, until it is taken.
     pub(super) fn new(conditions: &'a ExactConditions, deadline: Deadline<'a>) -> Self {
         let mut offsets = Vec::with_capacity(conditions.sites.len());
         let mut next = conditions.common.len();
@@ -133,7 +133,7 @@ impl<'a> Tableau<'a> {
         }
     }
 
-    /// With the common rows eliminated and what is known of all pieces required.
+    /// With the common rows eliminated and the conditions common to all pieces imposed.
     fn root(conditions: &'a ExactConditions, deadline: Deadline<'a>) -> Result<Self, Halt> {
         let mut root = Self::new(conditions, deadline);
         for var in 0..conditions.common.len() {
@@ -147,7 +147,7 @@ impl<'a> Tableau<'a> {
         Ok(root)
     }
 
-    /// Requires what a piece says; the signs of rows are restored by a repair.
+    /// Imposes the conditions of a piece; the signs of rows are restored by a repair.
     fn decide(&mut self, site: usize, piece: &ExactPiece) -> Result<(), Halt> {
         let offset = self.offsets[site];
         for &(form, sign) in &piece.facets {
@@ -164,7 +164,7 @@ impl<'a> Tableau<'a> {
         Ok(())
     }
 
-    /// The unknowns where the columns left have the given values.
+    /// The unknowns where the remaining columns have the given values.
     pub(super) fn point(&self, values: &[(BigInt, BigInt)]) -> ExactPoint {
         let scale: BigInt = values.iter().map(|v| &v.1).product();
         let numerator = |k: usize| {
@@ -182,7 +182,7 @@ impl<'a> Tableau<'a> {
     }
 }
 
-/// About the work of eliminating the unknowns, as [`Dictionary::take_work`] counts it, where no more numbers become other than zero.
+/// Estimate of the work of eliminating the unknowns, as [`Dictionary::take_work`] counts it, without fill-in.
 pub(super) fn elimination(conditions: &ExactConditions) -> u64 {
     let (n, mut forms, mut entries) = (conditions.unknowns as u64, 0u64, 0u64);
     for form in super::stated::forms(conditions) {
@@ -190,13 +190,13 @@ pub(super) fn elimination(conditions: &ExactConditions) -> u64 {
         entries += form.coefficients.iter().filter(|a| !a.is_zero()).count() as u64;
     }
     let looked_at = n.saturating_mul(forms) / LOOKED_AT;
-    // In matrices that are half full all numbers will be written.
+    // Matrices that are half full fill in completely.
     let written = entries.saturating_mul(2 + n / 10);
     n.saturating_mul(looked_at.saturating_add(written)) / 2
 }
 
-/// All choices of pieces (by number in the map) that agree with one of some partial ones and are not infeasible; how many of these were not
-/// searched to their end, at the cap on work.
+/// All selections (by piece numbers of the map) that extend one of some partial ones and are not infeasible; and how many of the latter
+/// were not searched completely, because of the cap on work.
 pub(super) fn search(
     conditions: &ExactConditions,
     partial: &[Vec<Option<usize>>],
@@ -213,7 +213,7 @@ pub(super) fn search(
         Ok(root) => root,
         Err(Halt::Late) => return partial.len() as u64,
         Err(Halt::Infeasible) => {
-            // What a contradiction took is known by its order of size alone.
+            // The work of a contradiction is known only in its order of magnitude.
             budget.spend(elimination(conditions));
             return 0;
         }
@@ -292,7 +292,7 @@ pub(super) fn piece_of(conditions: &ExactConditions, site: usize, piece: usize) 
         .find(|p| p.piece == piece)
 }
 
-/// The point at which all common forms vanish, the unknowns that they leave free being 0: the last of them, if it may.
+/// The point at which all common forms vanish, with the unknowns that they leave free set to 0, the last unknown among them if possible.
 pub(super) fn common_point(conditions: &ExactConditions, deadline: Deadline<'_>) -> Result<ExactPoint, Halt> {
     if elimination(conditions) > MAX_WORK {
         return Err(Halt::Late);
@@ -302,7 +302,7 @@ pub(super) fn common_point(conditions: &ExactConditions, deadline: Deadline<'_>)
         .checked_sub(1)
         .ok_or(Halt::Infeasible)?;
     for var in 0..conditions.common.len() {
-        // The last unknown goes where no other can.
+        // The last unknown is exchanged only where no other can be.
         table.dictionary.fix_among(var, |column| column != last)?;
         table.dictionary.fix(var)?;
     }
@@ -342,8 +342,8 @@ pub(super) fn active(conditions: &ExactConditions, point: &ExactPoint) -> Vec<Ve
 
 /// Whether pieces of a site agree on each facet between them.
 ///
-/// A form that vanishes in another piece is the same on both sides, as with complementarity. Where it does not, the rows of the map have to
-/// meet: J_σ − J_σ′ = a bᵀ with the normal b of the facet, constants included, for a piece σ′ behind it.
+/// Where the facet is a form that vanishes in the other piece, they agree, as with complementarity. Elsewhere the rows of the map must be
+/// continuous: J_σ − J_σ′ = a bᵀ with the normal b of the facet, constants included, for a piece σ′ beyond it.
 pub(super) fn is_continuous(conditions: &ExactConditions, site: usize) -> bool {
     let ExactSite { forms, pieces, .. } = &conditions.sites[site];
     let across = |piece: &ExactPiece, (facet, sign): (usize, i8)| {
@@ -365,7 +365,7 @@ pub(super) fn is_continuous(conditions: &ExactConditions, site: usize) -> bool {
     pieces.len() == 1 || pieces.iter().all(|p| p.facets.iter().all(|f| across(p, *f)))
 }
 
-/// Whether a form is another one times a number.
+/// Whether a form is a multiple of another one.
 fn is_multiple(form: &ExactForm, other: &ExactForm) -> bool {
     let numbers = |f: &'_ ExactForm| -> Vec<Exact> {
         std::iter::once(&f.constant)

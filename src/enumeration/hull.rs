@@ -1,4 +1,4 @@
-//! What all pieces of a site have in common: signs of its forms that hold whatever piece is chosen. They bound the search from its
+//! Conditions common to all pieces of a site: signs of its forms that hold for every piece. They prune the search from its
 //! root on (for Coulomb friction: uν ≤ 0, λν ≥ 0, |λt| ≤ F λν).
 
 use super::system::{Piece, Site};
@@ -26,8 +26,8 @@ pub(super) fn implied<'p>(
     found
 }
 
-/// Whether a form has the given sign in the whole cell of a piece: the homogenised cell (the constant times t ≥ 0) holds no point
-/// where it is −1 times that sign.
+/// Whether a form has the given sign in the whole cell of a piece: the homogenised cell (the constant times t ≥ 0) contains no point
+/// where the form is −1 times that sign.
 fn holds(forms: &[Form], piece: &Piece, form: usize, sign: Sign) -> bool {
     let same = |f: &(usize, f64)| f.0 == form && f.1 == sign.factor();
     if piece.equalities.contains(&form) || piece.facets.iter().any(same) {

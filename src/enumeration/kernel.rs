@@ -7,7 +7,7 @@ const RANK: f64 = 1e-10;
 pub(super) const MAX_KERNEL: usize = 4000;
 /// Columns whose entries are all below this, in rows of size one, are rounding noise.
 pub(super) const NOISE: f64 = 1e-14;
-/// Equations that miss each other by less than this, as a distance relative to 1 + the largest, agree.
+/// Equations whose inconsistency is less than this, as a distance relative to 1 + the largest, are consistent.
 const CONSISTENT: f64 = 1e-9;
 
 /// All solutions of a linear system: a particular one and a basis of the kernel.

@@ -1,4 +1,4 @@
-//! What lists of solutions hold, and how far they are known to be complete.
+//! Lists of solutions, and how far they are known to be complete.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use crate::words::{Coordinates, Count};
 
 /// Selections of one solution up to which each is examined.
 pub(super) const LISTED: f64 = 256.0;
-/// How many of more are named.
+/// How many are listed if there are more.
 pub(super) const NAMED: usize = 64;
 
 /// How far a list is known to be complete.
@@ -15,19 +15,19 @@ pub(super) const NAMED: usize = 64;
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Completeness {
-    /// Every selection was examined or ruled out. This is proven, for the problem as its floating-point numbers state it: each decision is
-    /// taken by error bounds or in exact arithmetic.
+    /// Every selection was examined or excluded. This is proven for the problem that its floating-point numbers define: each decision is
+    /// based on error bounds or exact arithmetic.
     Complete,
     /// The cap was reached.
     Incomplete {
-        /// Selections examined or ruled out.
+        /// Selections examined or excluded.
         examined: f64,
         /// Selections in all.
         total: f64,
     },
-    /// All selections were examined, in floating-point numbers that prove nothing.
+    /// All selections were examined, but in floating-point arithmetic, without proof.
     Undecided {
-        /// How many (partial) selections, or sites, rounding left open; 0 where nothing looked close.
+        /// How many (partial) selections, or sites, rounding left undecided; 0 where no decision was within rounding.
         selections: u64,
         /// Why there is no proof.
         doubt: Doubt,
@@ -46,10 +46,10 @@ pub enum Doubt {
     NoCoefficients,
     /// Kernels of dimension two or more, or decisions within rounding.
     Rounding,
-    /// The pieces stated do not agree on a facet between them, so that points near it may lie in none or in two.
+    /// The pieces given do not agree on a facet between them, so that points near it may lie in none or in two.
     Discontinuous,
-    /// Of arms: no exact solution within the tolerance of the point has all those test functions vanish that count as vanishing there. A
-    /// smaller tolerance tells kinks apart that are near each other.
+    /// Of arms: at no exact solution within the tolerance of the point do all test functions vanish that count as vanishing there. A
+    /// smaller tolerance separates kinks that are near each other.
     Coincidence,
     /// The search, or that in exact arithmetic, reached its cap.
     Limit,
@@ -90,7 +90,7 @@ impl Completeness {
         *self == Self::Complete
     }
 
-    /// Whether selections were left out or left open: `false` for complete lists, and for those that lack nothing but a proof.
+    /// Whether selections were omitted or left undecided: `false` for complete lists, and for those that lack only the proof.
     #[must_use]
     pub fn has_gaps(&self) -> bool {
         !matches!(self, Self::Complete | Self::Undecided { selections: 0, .. })
@@ -102,21 +102,21 @@ impl Completeness {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Solution {
-    /// The point: y, followed by α for a curve. Of complete lists the exact one to about eight digits or more in each component that is not
-    /// far below the others, also where it depends much on the data.
+    /// The point: y, followed by α for a curve. In complete lists accurate to about eight digits or more in each component that is not
+    /// far smaller than the others, even for ill-conditioned solutions.
     pub x: Vec<f64>,
-    /// Selections that give this point alone, in lexicographic order: all of them, or some where more than 256 do. Those of a continuum that
-    /// ends here stand with the continuum.
+    /// Selections whose only solution is this point, in lexicographic order: all of them, or some of them if there are more than 256. Those
+    /// of a continuum that ends here are listed with the continuum.
     pub selections: Vec<Selection>,
-    /// How many there are: those in whose closed cells the point lies, but for those of continua.
+    /// How many there are: those in whose closed cells the point lies, without those of continua.
     pub num_selections: f64,
-    /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver knows no determinants.
+    /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver provides no determinants.
     pub det_signs: Vec<Option<i8>>,
     /// Distance to the nearest kink: the smallest signed test function of its cells; 0 at a transition.
     pub margin: f64,
     /// The local index (degree) of the solution: the sign of the determinant where one selection is active, the mean of the two
-    /// signs where two are (0: the point is a fold); `None` where that does not decide, at points of continua, which are not
-    /// isolated, and of maps that state no coefficients once time is over.
+    /// signs where two are (0: the point is a fold); `None` where this does not determine it, at points of continua, which are not
+    /// isolated, and, for maps without exact coefficients, after the time limit.
     pub index: Option<i8>,
 }
 
@@ -129,7 +129,7 @@ impl Solution {
         (self.selections, self.det_signs) = both.into_iter().unzip();
     }
 
-    /// The local index, where the list of selections holds all that are active.
+    /// The local index, where the list of selections contains all that are active.
     pub(super) fn find_index(&mut self) {
         self.index = match self.det_signs.as_slice() {
             [Some(sign)] if *sign != 0 => Some(*sign),
@@ -145,7 +145,7 @@ impl Solution {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Continuum {
-    /// The selections that hold it.
+    /// The selections whose solutions it consists of.
     pub selections: Vec<Selection>,
     /// Dimension of the solution space of the selection's linear system; 1 for a segment, a ray or a line.
     pub dimension: usize,
@@ -153,11 +153,11 @@ pub struct Continuum {
     pub ends: Vec<Vec<f64>>,
 }
 
-/// How far a segment, a ray or a line reaches.
+/// The ends, or directions, of a segment, a ray or a line.
 #[derive(Debug, Clone)]
 pub(super) struct Extent<P> {
     pub(super) ends: Vec<P>,
-    /// A point in each direction in which it has no end, by a rule that depends on the segment, ray or line alone.
+    /// A point in each direction in which it has no end, chosen by a rule that depends on the segment, ray or line alone.
     pub(super) beyond: Vec<P>,
 }
 

@@ -17,8 +17,8 @@ const SOLVES: usize = 100;
 const TANGENTIAL: f64 = 1e-9;
 
 /// Selections that may have arms at a point with too many degenerate sites for a complete search: those at which Newton's method on
-/// the directional problem stops, and singular ones met on the way. From `starts` random selections for either sign of α̇, and
-/// from all that differ from a find at one site, as often as `starts` times the number of sites.
+/// the directional problem stops, and singular ones among its iterates. It starts from `starts` random selections for either sign of α̇,
+/// and from all that differ from one found at one site, at most `starts` times the number of sites.
 pub(crate) fn local_selections(
     map: &dyn PiecewiseSmooth,
     x: &[f64],
@@ -76,7 +76,7 @@ impl VanishingTests {
         }
     }
 
-    /// As those of a selection, on which they depend where kinks lie inside of others.
+    /// As those of a selection, on which they depend where kinks are nested.
     pub(super) fn of(
         &self,
         map: &dyn PiecewiseSmooth,
@@ -115,10 +115,11 @@ impl<'a> Local<'a> {
         })
     }
 
-    /// Solves from a selection and from all that differ from a find at one site, the last find first; `false` at the cap on solves or time.
+    /// Solves from a selection and from all that differ at one site from one found, the last one found first; `false` at the cap on solves
+    /// or time.
     fn explore(&mut self, start: Selection, rate: f64, max_solves: usize) -> Result<bool, EnumerationError> {
         let sites = self.active.degenerate_sites();
-        // A find, and how many sites and pieces of the next site are left.
+        // A selection found, and how many sites and pieces of the next site remain.
         let mut finds: Vec<(Selection, usize, usize)> = Vec::new();
         let mut next = Some(start);
         loop {
@@ -175,8 +176,8 @@ impl<'a> Local<'a> {
         }
     }
 
-    /// Newton's method from a selection; once a selection comes back, one site at a time, the first that is wrong (Murty 1974).
-    /// Gives the selection that was new and has the direction in its cell.
+    /// Newton's method from a selection; once a selection recurs, only the first violated site changes its piece (Murty 1974).
+    /// Returns a selection that has its direction in its cell, if it is new.
     fn solve(&mut self, start: Selection, rate: f64) -> Result<Option<Selection>, EnumerationError> {
         let mut selection = start;
         let mut seen = BTreeSet::new();
@@ -204,7 +205,7 @@ impl<'a> Local<'a> {
         Ok(None)
     }
 
-    /// Moves the selection to the pieces whose cells the direction enters; `false` if it is there already.
+    /// Changes the selection to the pieces whose cells the direction enters; `false` if they are the present ones.
     fn correct(&self, selection: &mut Selection, only_one: bool) -> bool {
         let length = norm(&self.direction);
         let vanishing = self.vanishing.of(self.map, selection, self.x);

@@ -2,12 +2,13 @@
 //!
 //! Where the pieces are affine both are finite problems: choose a piece at every site such that the equalities and the cell
 //! conditions of all chosen pieces hold together. The search chooses site after site, eliminates the equalities of the piece, and
-//! drops a partial choice as soon as a linear program shows that no point satisfies what has been decided and what all pieces of
-//! the open sites have in common. Kᵖ selections are never stored; each pruned partial choice counts the selections it rules out.
+//! drops a partial selection as soon as a linear program shows that no point satisfies its conditions and those common to all pieces of
+//! the undecided sites. The kᵖ selections are never stored; each pruned partial selection counts the selections it excludes.
 //!
-//! Lists are proven where the map states its coefficients exactly: see [`all_solutions`], and [`all_arms`] for the point of which they are.
+//! Lists are proven complete where the map gives its coefficients exactly: see [`all_solutions`], and [`all_arms`] for the point to which
+//! its list refers.
 //!
-//! [`all_solutions`] and [`all_arms`] prune the search for maps that state their coefficients, for those whose residuals belong each to few
+//! [`all_solutions`] and [`all_arms`] prune the search for maps that give exact coefficients, for those whose residuals each depend on few
 //! sites ([`site_rows`](crate::piecewise::PiecewiseSmooth::site_rows)), and for those whose residuals are sums over sites, which is tested;
 //! for other maps selections are enumerated one by one, up to the cap.
 

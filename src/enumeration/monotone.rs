@@ -1,10 +1,10 @@
-//! Directional problems that are linear complementarity problems with a positive definite matrix: they have one solution.
+//! Directional problems that are linear complementarity problems with a positive definite matrix: their solution is unique.
 //!
 //! Where each open site has two pieces, on one of which a form p ≥ 0 vanishes and on the other a form w ≥ 0, and where the forms p determine
 //! all others, w = M p + q: a linear complementarity problem. With D M positive definite for some positive diagonal matrix D it has exactly one
 //! solution for every q (Cottle, Pang, Stone 1992, theorem 3.1.6 for the rows of D w), for q = 0 this is 0, and principal pivots lead to it
-//! (Murty 1974). Bodies in contact with Coulomb friction of moderate size are such problems where nodes slipped before: a search would try
-//! pieces by the thousands.
+//! (Murty 1974). Bodies in contact with a moderate coefficient of friction give such problems at nodes that slipped before: a search would
+//! try thousands of pieces.
 
 use nalgebra::{Cholesky, DMatrix};
 
@@ -12,9 +12,9 @@ use super::search::SelectionSearch;
 use super::system::System;
 use super::table::{Place, Sign, Table};
 
-/// Sites at which both forms vanish, and with them either piece may be chosen: 2 to this many selections.
+/// Largest number of sites at which both forms vanish, so that either piece may be chosen: 2 to this number of selections.
 const MAX_TIES: usize = 10;
-/// What a matrix must be more than singular by at least, relative to its diagonal.
+/// Margin by which a matrix must be positive definite, relative to its diagonal.
 const DEFINITE: f64 = 1e-8;
 
 /// A linear complementarity problem for the forms of the open sites.
@@ -49,7 +49,7 @@ impl<'a> Complementary<'a> {
         problem.is_definite().then_some(problem)
     }
 
-    /// Whether D M is positive definite, beyond rounding, for the D that makes it most nearly symmetric.
+    /// Whether D M is positive definite, beyond rounding, for the D that makes it as nearly symmetric as possible.
     fn is_definite(&self) -> bool {
         let k = self.pairs.len();
         let mut matrix = DMatrix::zeros(k, k);
@@ -74,7 +74,7 @@ impl<'a> Complementary<'a> {
         if !sizes.iter().all(|d| d.is_finite() && *d > 0.0) {
             return false;
         }
-        // The symmetric part, with unit diagonal, less what its errors come to at most.
+        // The symmetric part, with unit diagonal, minus a bound of its errors.
         let rows = errors.iter().zip(&factors).zip(&sizes);
         let rows: f64 = rows.map(|((e, f), size)| (e * f).powi(2) / size).sum();
         let columns: f64 = sizes.iter().map(|size| 1.0 / size).sum();
@@ -90,13 +90,13 @@ impl<'a> Complementary<'a> {
         self.root.sign(var).factor()
     }
 
-    /// The pieces of all sites at the solution, those of a site where either may be chosen together, and the exchanges that led there. `None`
-    /// where rounding hides the solution, or where it satisfies the equalities of pieces and not their facets.
+    /// The pieces of all sites at the solution, both pieces of a site where either may be chosen, and the number of exchanges. `None`
+    /// where rounding hides the solution, or where it satisfies the equalities of pieces but not their facets.
     pub(super) fn solve(&self, search: &SelectionSearch<'_>) -> Option<(Vec<Vec<usize>>, u64)> {
         let mut table = self.root.compact();
         let most = 20 * self.pairs.len() + 20;
         for step in 0.. {
-            // The most violated sign first; the first one of all comes to an end.
+            // The most violated sign first, then the least index, which terminates.
             let violated = (self.pairs.iter()).filter_map(|pair| {
                 let &basic = pair.iter().find(|v| matches!(table.place(**v), Place::Row(_)))?;
                 let value = self.sign(basic) * table.value(basic);
@@ -173,7 +173,7 @@ mod tests {
     use crate::sparse::Matrix;
     use crate::spread::Random;
 
-    /// A definite matrix times a number plus a skew one, in units of its own for each row and column, and a vector.
+    /// A definite matrix times a number plus a skew one, with individual units for each row and column, and a vector.
     fn problem(random: &mut Random, k: usize, definite: f64) -> (Vec<Vec<f64>>, Vec<f64>) {
         let mut draw = || -> Vec<Vec<f64>> {
             let row = |_| (0..k).map(|_| random.symmetric()).collect();
@@ -246,8 +246,8 @@ mod tests {
         }
     }
 
-    /// The search itself finds the only direction with α̇ = 1, of 2¹⁴ selections, and little else, whatever the units: tables are made anew before
-    /// rounding hides contradictions, or makes some up.
+    /// The search itself finds the only direction with α̇ = 1, of 2¹⁴ selections, in few nodes, whatever the units: tables are recomputed
+    /// before rounding hides contradictions or produces false ones.
     #[test]
     fn a_search_in_any_units_finds_the_same() {
         let (mut random, k) = (Random::new(5), 14);
@@ -274,7 +274,7 @@ mod tests {
         }
     }
 
-    /// What is not definite may have no direction or several: none is lost of those that exact arithmetic proves.
+    /// Indefinite problems may have no direction or several: all that exact arithmetic proves are found.
     #[test]
     fn no_direction_of_others_is_lost() {
         let (mut random, k) = (Random::new(7), 5);
@@ -306,7 +306,7 @@ mod tests {
         assert!(several > 10, "{several}");
     }
 
-    /// Where q vanishes in some rows both pieces hold the direction of each of these sites.
+    /// Where q vanishes in some rows, the direction lies in the cells of both pieces of these sites.
     #[test]
     fn ties_are_listed_with_both_pieces() {
         let m: Vec<Vec<f64>> = (0..6)
@@ -316,7 +316,7 @@ mod tests {
         assert_eq!(searched(&map, 6).0.len(), 16);
     }
 
-    /// The weights of a graph: M is singular but for rounding, and all y with equal entries are directions with α̇ = 0.
+    /// A weighted graph Laplacian: M is singular up to rounding, and all y with equal entries are directions with α̇ = 0.
     #[test]
     fn what_is_definite_by_rounding_alone_is_searched() {
         let (mut random, k) = (Random::new(11), 5);

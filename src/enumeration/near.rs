@@ -1,4 +1,4 @@
-//! The exact point behind one that is known to rounding: where all that counts as vanishing there does vanish, and what else does.
+//! The exact point approximated by a rounded one: where all forms that count as vanishing do vanish, and which others do.
 
 use super::Doubt;
 use super::enclosure::{Enclosure, Error};
@@ -9,7 +9,7 @@ use crate::clock::Deadline;
 use crate::exact::{Dictionary, Exact, Halt};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite, PiecewiseSmooth};
 
-/// Coefficients up to which arms are proven: error bounds take dense matrices.
+/// Coefficients up to which arms are proven: error bounds need dense matrices.
 const MAX_COEFFICIENTS: usize = 1 << 18;
 
 /// The conditions of a curve as polynomials of d, the difference of (y, α) to the point given.
@@ -33,7 +33,7 @@ pub(super) struct Point {
 /// The conditions of the directions (ẏ, α̇) at a point: forms of ẏ for α̇ = 1.
 pub(super) struct Directions {
     pub(super) conditions: ExactConditions,
-    /// Bounds of what the numbers of the forms are off; empty where they are exact.
+    /// Error bounds of the numbers of the forms; empty where they are exact.
     pub(super) errors: Vec<ExactForm>,
 }
 
@@ -106,7 +106,7 @@ impl Near {
         form.coefficients[self.conditions.unknowns..].to_vec()
     }
 
-    /// The point at which all equalities of the given pieces hold, found exactly if asked for.
+    /// The point at which all equalities of the given pieces hold, found exactly if requested.
     pub(super) fn point(
         &self,
         active: &[Vec<usize>],
@@ -138,7 +138,7 @@ impl Near {
         Ok(self.enclosed_point(&rows, &vanishing, deadline))
     }
 
-    /// Those of some forms of a site that do not vanish wherever the others do.
+    /// An independent subset of some forms of a site: where these vanish, all do.
     fn independent(&self, site: &ExactSite, zero: &[usize]) -> Result<Vec<usize>, Halt> {
         let m = self.conditions.unknowns;
         let width = site.forms.iter().map(|f| f.coefficients.len()).max().unwrap_or(m);
@@ -186,7 +186,7 @@ impl Near {
         let m = self.conditions.unknowns;
         let scaling = Scaling::of(&self.conditions);
         let all: Vec<&ExactForm> = forms(&self.conditions).collect();
-        // What form k has of products of d_α with other components, scaled.
+        // The coefficients in form k of products of d_α with other components, scaled.
         let products = |k: usize| -> Vec<f64> {
             let bends = all[k].coefficients[m..].iter().enumerate();
             bends
@@ -210,7 +210,7 @@ impl Near {
         let mut found = Enclosure::of(&matrix, &constants, &[], deadline)?;
         let bent = |k: &usize| all[*k].coefficients.len() > m;
         if rows.iter().any(bent) {
-            // For d in this box the products are coefficients that are off by so much: a solution in it exists (Brouwer) and is unique.
+            // For d in this box the products perturb the coefficients by this much: a solution in it exists (Brouwer) and is unique.
             let within: Vec<f64> = found.reach().iter().map(|r| 2.0 * r).collect();
             let error = |k: &usize| {
                 let b = products(*k);
@@ -382,7 +382,7 @@ impl Near {
     }
 }
 
-/// What is left of a site for directions: the active pieces, and of their facets those on which the point lies.
+/// The site of the directional problem: the active pieces, and those of their facets on which the point lies.
 pub(super) fn directional(
     exact: &ExactSite,
     active: &[usize],
@@ -404,7 +404,7 @@ pub(super) fn directional(
     }
 }
 
-/// A point given in the unknowns of the map, with the auxiliary ones that follow from them: those one after the other, rounded.
+/// A point given in the unknowns of the map, with the auxiliary unknowns computed from them one after the other, rounded.
 fn extended(conditions: &ExactConditions, y: &[f64]) -> Option<Vec<Exact>> {
     let mut all: Vec<Exact> = y.iter().map(|v| Exact::new(*v)).collect::<Option<_>>()?;
     if all.len() == conditions.unknowns {
@@ -418,7 +418,7 @@ fn extended(conditions: &ExactConditions, y: &[f64]) -> Option<Vec<Exact>> {
             .flat_map(|p| &p.equalities);
         equalities.into_iter().any(|e| e.0 == row)
     };
-    // The common rows are those that no equality stands for.
+    // The common rows are those that no equality of a piece replaces.
     let mut common = (0..conditions.unknowns)
         .filter(|row| !used(*row))
         .zip(&conditions.common);

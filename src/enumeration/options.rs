@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use crate::options::setters;
 
-/// Options of the enumeration. The defaults need no touching.
+/// Options of the enumeration. The defaults suit most problems.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
@@ -11,17 +11,17 @@ use crate::options::setters;
     serde(default, deny_unknown_fields)
 )]
 pub struct EnumerationOptions {
-    /// Largest number of search nodes (partial selections tried) before the search gives up and says how far it came; it also does
-    /// where the tables on the way to a node take more than 2 GB. Default 1 000 000.
+    /// Largest number of search nodes (partial selections tried) before the search ends and reports how many selections it covered; it also
+    /// ends where the tables on the path to a node take more than 2 GB. Default 1 000 000.
     pub max_nodes: u64,
-    /// Time after which the search gives up and says how far it came; looked at before each exchange of a linear program and for each
-    /// row of a system solved. Default: none.
+    /// Time after which the search ends and reports how many selections it covered; checked before each exchange of a linear program and
+    /// for each row of a system solved. Default: none.
     pub max_time: Option<Duration>,
-    /// Where the search for arms gives up, a local search goes on from this number of random selections for either sign of α̇; it
-    /// may find arms and never completes the list. Default 100.
+    /// Where the search for arms reaches its limits, a local search starts from this number of random selections for either sign of α̇; it
+    /// may find arms but never makes the list complete. Default 100.
     pub local_starts: usize,
-    /// A point counts as lying in a closed cell when it is no farther from it than this, relative to 1 + ‖x‖₂; solutions of maps that
-    /// state their coefficients exactly are decided without. Default 1e-9.
+    /// A point counts as lying in a closed cell when it is no farther from it than this, relative to 1 + ‖x‖₂; not used for solutions of
+    /// maps that give exact coefficients. Default 1e-9.
     pub tolerance: f64,
     /// Two points closer than this, relative to 1 + ‖x‖₂, are one; as for `tolerance`. Default 1e-8.
     pub merge_distance: f64,
@@ -43,7 +43,7 @@ impl EnumerationOptions {
     setters! {
         /// Sets the largest number of search nodes.
         with_max_nodes(max_nodes: u64);
-        /// Sets the time after which the search gives up.
+        /// Sets the time after which the search ends.
         with_max_time(max_time: Option<Duration>);
         /// Sets the number of starts of the local search for arms.
         with_local_starts(local_starts: usize);

@@ -1,4 +1,4 @@
-//! The solutions of a single selection in its closed cell, in exact arithmetic: none, a point, or a polyhedron with its ends.
+//! The solution set of a single selection in its cell, in exact arithmetic: empty, a point, or a polyhedron with its ends.
 
 use num_bigint::BigInt;
 use num_traits::{Signed, Zero};
@@ -9,7 +9,7 @@ use super::proof::MAX_WORK;
 use crate::exact::{Dictionary, Exact, Halt, parity};
 use crate::piecewise::ExactConditions;
 
-/// The solutions of a selection that lie in its closed cell.
+/// The solution set of a selection in its cell.
 #[derive(Debug, Clone)]
 pub(super) enum SelectionSolutions {
     None,
@@ -26,7 +26,7 @@ pub(super) enum SelectionSolutions {
     },
 }
 
-/// The solutions of a selection (pieces by number in the map); `None` at the cap on work.
+/// The solution set of a selection (by piece numbers of the map); `None` at the cap on work.
 pub(super) fn decide(
     conditions: &ExactConditions,
     pieces: &[usize],
@@ -87,7 +87,7 @@ type SignedFacet = (usize, usize, i8);
 /// A fraction as numerator and positive denominator.
 type Fraction = (BigInt, BigInt);
 
-/// Fixes all equalities of a selection. Gives the sign of the determinant of their rows and the facets as (site, variable, sign).
+/// Imposes all equalities of a selection. Returns the sign of the determinant of their rows and the facets as (site, variable, sign).
 fn eliminate(
     table: &mut Tableau<'_>,
     conditions: &ExactConditions,
@@ -239,7 +239,7 @@ fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<SelectionSolut
     Ok(SelectionSolutions::Continuum { dimension: 1, extent })
 }
 
-/// The only solution of a singular selection.
+/// The point that is the whole solution set of a singular selection.
 fn single(point: ExactPoint) -> SelectionSolutions {
     SelectionSolutions::Point {
         point,
@@ -249,8 +249,8 @@ fn single(point: ExactPoint) -> SelectionSolutions {
 }
 
 impl Tableau<'_> {
-    /// The point of the line of the column left at which the first component that varies is 0, and the direction of growing values of the
-    /// column in which that component changes by 1.
+    /// The point at which the first varying component is 0 on the line of the remaining column, and its direction of growing values of the
+    /// column, in which that component changes by 1.
     fn line(&self) -> Option<(ExactPoint, ExactPoint)> {
         let entries = |k: usize| self.dictionary.entries(self.unknowns + k);
         let numerators: Vec<BigInt> = (0..self.conditions.unknowns)

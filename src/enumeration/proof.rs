@@ -1,4 +1,4 @@
-//! Lists of solutions that are proven: all decisions by error bounds where these suffice, and in exact arithmetic where not.
+//! Proven lists of solutions: all decisions by error bounds where these suffice, and in exact arithmetic where not.
 
 use std::collections::BTreeSet;
 
@@ -18,18 +18,18 @@ use crate::piecewise::{
     ExactConditions, ExactForm, PiecewiseSmooth, Selection, Selections, TestLayout, cell_margin,
 };
 
-/// Coefficients up to which conditions are stated exactly.
+/// Largest number of exact coefficients requested from a map.
 pub(super) const MAX_COEFFICIENTS: usize = 1 << 21;
 /// Numbers that exact arithmetic may write at most: some seconds.
 pub(super) const MAX_WORK: u64 = 20_000_000;
-/// Selections found beyond which each is asked whether many of them hold the same point.
+/// Number of selections found beyond which each one is tested for a point that many of them share.
 const MANY: usize = 32;
-/// How many are asked in vain before no other is.
+/// Number of negative tests after which no other is made.
 const ATTEMPTS: usize = 4;
-/// The margin of a point inside of its cell, as long as it is not measured.
+/// The margin of a point inside its cell, until it is computed.
 const INSIDE: f64 = f64::INFINITY;
 
-/// All solutions at a parameter of a map that states its conditions.
+/// All solutions at a parameter of a map that gives exact conditions.
 pub(super) fn proven_solutions(
     map: &dyn PiecewiseSmooth,
     alpha: f64,
@@ -43,7 +43,7 @@ pub(super) fn proven_solutions(
     let parameter = (map.num_vars() > known).then_some(alpha);
     let mut gathered = Gathered::new(known, parameter, conditions, &stated, deadline);
     let mut settle = |pieces: &[usize], budget: &mut Budget| gathered.settle(pieces, options, budget);
-    // The unknowns may have no bounds that are stated, and others of the same problem have some.
+    // The unknowns may have no given bounds, while others of the same problem have some.
     let reduced = (!stated.bounded && exhaustive::elimination(conditions) <= MAX_WORK)
         .then(|| reduced_solutions(conditions, deadline))
         .flatten();
@@ -96,9 +96,9 @@ type Pieces = Vec<Vec<usize>>;
 pub(super) struct Candidates {
     pub(super) selections: BTreeSet<Vec<usize>>,
     incomplete: Option<Completeness>,
-    /// Partial selections that were neither searched nor ruled out.
+    /// Partial selections that were neither searched nor excluded.
     open: u64,
-    /// Whether error bounds held everywhere: nothing lies beyond the radii of the search.
+    /// Whether error bounds were valid everywhere: no solution lies beyond the radii of the search.
     pub(super) bounded: bool,
     pub(super) nodes: u64,
     pivots: u64,
@@ -114,7 +114,7 @@ impl Candidates {
         }
     }
 
-    /// Those of a search in the unknowns of `reduced`, the same conditions in few unknowns, that came to its end.
+    /// Those of a completed search in the unknowns of `reduced`, the same conditions in few unknowns.
     pub(super) fn complete(
         conditions: &ExactConditions,
         reduced: &ExactConditions,
@@ -130,9 +130,9 @@ impl Candidates {
         Ok(found)
     }
 
-    /// The search is that of `stated`, the same conditions in other unknowns perhaps. Where it proves nothing, the conditions themselves decide:
-    /// numbers made of others that were eliminated before are much longer. `settle` may say of a selection that nothing else is to be found
-    /// in a box of them.
+    /// The search is that of `stated`, which may be the same conditions in other unknowns. Where it proves nothing, the original conditions
+    /// decide, since exact numbers are much longer after an elimination. `settle` may declare a box of selections that need not be searched
+    /// further.
     fn of(
         conditions: &ExactConditions,
         stated: &Stated,
@@ -196,7 +196,7 @@ impl Candidates {
     }
 }
 
-/// Whether nothing lies beyond, and the nodes and pivots that it took to tell.
+/// Whether no solution lies beyond, and the nodes and pivots of this test.
 fn holds_nothing(beyond: &Beyond, max_nodes: u64, deadline: Deadline<'_>) -> (bool, (u64, u64)) {
     let (mut nodes, mut pivots) = (0, 0);
     let none = beyond.systems().all(|(system, radii)| {
@@ -206,7 +206,7 @@ fn holds_nothing(beyond: &Beyond, max_nodes: u64, deadline: Deadline<'_>) -> (bo
         let Ok(root) = search.root(&[]) else {
             return false;
         };
-        // A first point that is not ruled out ends the search.
+        // The first point that is not excluded ends the search.
         let run = search.run(root, &mut |_: &[usize]| Err(()));
         nodes += search.nodes;
         pivots += search.pivots;
@@ -217,7 +217,7 @@ fn holds_nothing(beyond: &Beyond, max_nodes: u64, deadline: Deadline<'_>) -> (bo
 
 /// The solutions of single selections.
 pub(super) struct Gathered<'a> {
-    /// What follows y in a solution, if anything does.
+    /// The entries after y in a solution (α), if any.
     parameter: Option<f64>,
     conditions: &'a ExactConditions,
     stated: &'a Stated,
@@ -233,11 +233,11 @@ pub(super) struct Gathered<'a> {
     /// How many of the unknowns are those of the map.
     known: usize,
     deadline: Deadline<'a>,
-    /// Boxes of selections of which all that they hold is known.
+    /// Boxes of selections whose solutions are all known.
     settled: Vec<Pieces>,
-    /// Selections whose points were not proven to be alone in the cells that they lie in, since the last that was.
+    /// Number of selections, since the last success, whose points were not proven to be the only solution in the cells that contain them.
     attempts: usize,
-    /// Nodes and pivots of the searches that settle points.
+    /// Nodes and pivots of the searches that prove a point to be the only solution in its cells.
     searched: (u64, u64),
 }
 
@@ -267,7 +267,7 @@ impl<'a> Gathered<'a> {
         }
     }
 
-    /// Finds what a selection holds; `false` where exact arithmetic reached its cap.
+    /// Finds the solutions of a selection; `false` where exact arithmetic reached its cap.
     fn examine(&mut self, pieces: &[usize], budget: &mut Budget) -> bool {
         if let Some(found) = self.enclosure(pieces)
             && let Some(inside) = self.inside(pieces, &found)
@@ -320,8 +320,8 @@ impl<'a> Gathered<'a> {
         }
     }
 
-    /// Where the point that a selection holds lies in so many cells that a search would list them one by one: if it is proven to be the only
-    /// solution in all of them, the pieces of all of these, and it is added.
+    /// Where the solution of a selection lies in so many cells that a search would list them one by one: if it is proven to be the only
+    /// solution in all of them, it is added and the pieces of all these cells are returned.
     fn settle(
         &mut self,
         pieces: &[usize],
@@ -416,7 +416,7 @@ impl<'a> Gathered<'a> {
         self.extents.push(extent);
     }
 
-    /// Of each solution whether a continuum holds it. One that error bounds alone tell lies inside of its cell.
+    /// For each solution, whether it belongs to a continuum. One found by error bounds alone lies in the interior of its cell.
     fn on_continua(&self) -> Vec<bool> {
         let selections = self.continua.iter().flat_map(|c| &c.selections);
         let pieces: Vec<Vec<usize>> = selections.map(|s| s.pieces().collect()).collect();
@@ -427,7 +427,7 @@ impl<'a> Gathered<'a> {
             .collect()
     }
 
-    /// Drops what only singular selections hold as points, where it belongs to a continuum of another one.
+    /// Drops points that are solutions of singular selections only, where they belong to a continuum of another one.
     pub(super) fn drop_points_of_continua(&mut self) {
         let on_continua = self.on_continua();
         let kept = self.solutions.iter().zip(on_continua).map(|(s, on_continuum)| {
@@ -470,7 +470,7 @@ impl<'a> Gathered<'a> {
         Enclosure::of(&matrix, &constants, &errors, self.deadline)
     }
 
-    /// Whether it lies in the cell, if error bounds tell.
+    /// Whether it lies in the cell, if error bounds decide.
     pub(super) fn inside(&self, pieces: &[usize], found: &Enclosure) -> Option<bool> {
         let mut unsure = false;
         for site in 0..pieces.len() {
@@ -498,7 +498,7 @@ impl<'a> Gathered<'a> {
         Some((!unsure).then_some(true))
     }
 
-    /// Computes the coordinates of solutions that error bounds leave inexact in exact arithmetic, as far as the budget goes.
+    /// Computes in exact arithmetic, within the budget, the coordinates of solutions that error bounds do not determine accurately enough.
     fn sharpen(&mut self, budget: &mut Budget) {
         for k in std::mem::take(&mut self.blunt) {
             let pieces: Vec<usize> = self.solutions[k].selections[0].pieces().collect();
@@ -523,7 +523,7 @@ impl<'a> Gathered<'a> {
         y
     }
 
-    /// Sites whose pieces disagree where they meet; asked only where something was decided by the last bits.
+    /// Sites whose pieces disagree where they meet; tested only if a decision depended on the last bits.
     fn disagreeing(&self) -> u64 {
         if !self.close {
             return 0;

@@ -1,4 +1,4 @@
-//! Lists of arms that are proven: the solutions of the directional problem at the exact point behind the one given.
+//! Proven lists of arms: the solutions of the directional problem at the exact point that the given one approximates.
 
 use std::collections::BTreeSet;
 
@@ -18,8 +18,8 @@ use crate::piecewise::{ActiveSet, ExactConditions, PiecewiseSmooth, Selection, S
 /// Active selections up to which all are examined without a search.
 pub(super) const FEW: u128 = 256;
 
-/// The arms at the exact point where all holds that `active` takes for given; `near` says whether a point, given by bounds of its
-/// distance in each variable, is near enough.
+/// The arms at the exact point where all equalities that are active according to `active` hold; `near` says whether a point, given by
+/// bounds of its distance in each variable, is near enough.
 pub(super) fn proven_arms(
     map: &dyn PiecewiseSmooth,
     x: &[f64],
@@ -37,7 +37,7 @@ pub(super) fn proven_arms(
         supposed[*site].clone_from(pieces);
     }
     let mut doubt = Doubt::Rounding;
-    // Between error bounds, or exactly where these leave anything open.
+    // By error bounds, or exactly where these leave a decision open.
     for exactly in [false, true] {
         match at_point(&given, &supposed, exactly, near, options, deadline) {
             Ok(Some(found)) => return Ok(found),
@@ -90,7 +90,7 @@ fn meets_wall(map: &dyn PiecewiseSmooth, active: &ActiveSet) -> bool {
     })
 }
 
-/// The directions with α̇ = 1, −1 and 0, and what is found of them.
+/// The directions with α̇ = 1, −1 and 0 that have been found.
 struct Arms<'p> {
     pieces: &'p [Vec<usize>],
     /// In this order.
@@ -269,7 +269,7 @@ fn unit(mut v: Vec<f64>) -> Vec<f64> {
 mod tests {
     use super::unit;
 
-    /// A component whose share underflows keeps its sign: cells are told by signs.
+    /// A component that underflows on normalisation keeps its sign: cells are decided by signs.
     #[test]
     fn unit_vectors_keep_the_signs_of_all_components() {
         for large in [1.0, 1e90, 1e160, 1e300] {

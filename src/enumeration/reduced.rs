@@ -1,4 +1,4 @@
-//! Exact conditions in few unknowns, those that are nonnegative at all solutions: so that a search is bounded.
+//! Exact conditions in few unknowns that are nonnegative at all solutions, so that a search is bounded.
 
 use std::collections::BTreeSet;
 
@@ -27,8 +27,8 @@ fn homogeneous(form: &ExactForm) -> Vec<Exact> {
     all().map(|a| a.clone().shifted(-size)).collect()
 }
 
-/// The directional problem in few unknowns: what has no choice is eliminated, and what has one sign becomes an unknown where it can, so that
-/// the search is bounded. `None` where α̇ has no choice, or the limits of time and work are reached.
+/// The directional problem in few unknowns: the conditions of sites with a single piece are eliminated, and forms of one sign become
+/// unknowns where possible, so that the search is bounded. `None` where α̇ is not free, or the limits of time and work are reached.
 pub(super) fn reduced_directions(
     conditions: &ExactConditions,
     deadline: Deadline<'_>,
@@ -45,7 +45,7 @@ pub(super) fn reduced_solutions(
     reduced(conditions, |site| site.implied.clone(), deadline)
 }
 
-/// With the constants as coefficients of one more unknown, which stays.
+/// With the constants as coefficients of one more unknown, which is not eliminated.
 fn reduced(
     conditions: &ExactConditions,
     implied: impl Fn(&ExactSite) -> Vec<(usize, i8)>,
@@ -91,7 +91,7 @@ fn reduced(
     let Place::Column(rate) = table.place(rate) else {
         return None;
     };
-    // The table makes forms integer: the new unknowns are of size one again.
+    // The table scales forms to integers: the new unknowns are rescaled to size one.
     let size = |var: &usize| {
         let row = rows.get(*var).into_iter().flatten();
         -row.filter_map(Exact::granularity).min().unwrap_or(0)
@@ -121,7 +121,7 @@ fn reduced(
     })
 }
 
-/// Forms of a site that have one sign in all its pieces: those of which that is said, if it holds for the directions, too.
+/// Forms of a site that have one sign in all its pieces: those declared as such, if it holds for the directions, too.
 fn implied(site: &ExactSite) -> Vec<(usize, i8)> {
     let signed = site.pieces.iter().flat_map(|p| p.facets.iter().copied());
     let zero = site.pieces.iter().flat_map(|p| &p.equalities);

@@ -1,8 +1,8 @@
-//! Depth-first search over the pieces of the sites, pruned by infeasibility of what has been decided. With certificates all that is dropped
-//! is proven to hold nothing, or listed as unproven.
+//! Depth-first search over the pieces of the sites, pruned by infeasibility of partial selections. With certificates every subtree that is
+//! dropped is proven to contain no solution, or listed as unproven.
 //!
-//! Without, where that takes many nodes each is tightened first: all pieces of all undecided sites are tried, and a sign that a form has in
-//! every piece left is required.
+//! Without certificates, once a search takes many nodes, each node is tightened first: all pieces of all undecided sites are tried, and a
+//! sign that a form has in every remaining piece is imposed.
 
 use super::certificate::{Basis, Certificates};
 use super::hull;
@@ -12,17 +12,17 @@ use crate::clock::Deadline;
 
 /// Sites compared before branching. Comparing all gives the smallest trees and, by measurement, not the shortest times.
 const PROBES: usize = 3;
-/// Numbers in the tables of nodes not yet entered, beyond which such tables are made anew when their turn comes: 512 MB.
+/// Numbers in the tables of nodes not yet visited, beyond which such tables are recomputed when they are visited: 512 MB.
 const KEPT: usize = 1 << 26;
 /// Numbers in all tables and lists of the path from the root, beyond which the search stops: 2 GB.
 const MAX_STORED: usize = 1 << 28;
 
-/// Nodes after which every node is tightened before branching: what little trees do not repay.
+/// Nodes after which every node is tightened before branching, which does not pay in small trees.
 const HARD: u64 = 1000;
-/// Rounds of tightening at one node, and of making a table anew.
+/// Rounds of tightening at one node, and of recomputing a table.
 const ROUNDS: usize = 3;
 
-/// A piece of a site and the table behind that decision, if it was kept.
+/// A piece of a site and the table after that decision, if it was kept.
 type Child = (usize, Option<Table>);
 
 /// For each site whether its pieces are among those of a box of selections.
@@ -36,7 +36,7 @@ struct Level {
     position: usize,
     /// Selections below each child.
     share: f64,
-    /// What is ruled out here is ruled out in the whole subtree.
+    /// Pieces excluded here, and so in the whole subtree.
     alive: Vec<Vec<usize>>,
     /// The node's own table, where not all children have theirs.
     parent: Option<Table>,
@@ -47,7 +47,7 @@ struct Level {
 
 /// Why a node has no children.
 enum Leave {
-    /// Nothing is left to be found below it.
+    /// Its subtree contains no solution that is not known.
     Done,
     /// A limit was reached.
     Stop,
@@ -59,7 +59,7 @@ impl From<Contradiction> for Leave {
     }
 }
 
-/// What the search may do and what it has done.
+/// The limits of the search and its progress.
 #[derive(Debug, Clone)]
 pub(super) struct SelectionSearch<'a> {
     system: &'a System,
@@ -69,15 +69,15 @@ pub(super) struct SelectionSearch<'a> {
     deadline: Deadline<'a>,
     pub(super) nodes: u64,
     pub(super) pivots: u64,
-    /// Selections examined or ruled out, and all there are.
+    /// Selections examined or excluded, and their total number.
     pub(super) examined: f64,
     pub(super) total: f64,
     pub(super) stopped: bool,
     /// The pieces chosen on the path from the root.
     decided: Vec<Option<usize>>,
-    /// Boxes of selections about which nothing is left to be found.
+    /// Boxes of selections whose solutions are all known.
     settled: Vec<Within>,
-    /// What proves contradictions, where they are to be proven.
+    /// The certificates of contradictions, where these are to be proven.
     certificates: Option<&'a Certificates>,
     /// Partial choices (the piece of each site that is decided) that were dropped without a proof.
     pub(super) unproven: Vec<Vec<Option<usize>>>,
@@ -132,7 +132,7 @@ impl<'a> SelectionSearch<'a> {
         self.certificates.is_none_or(|c| c.proves(table, var, basis))
     }
 
-    /// Keeps account of a choice that was dropped without a proof: what is decided, and piece k of a site.
+    /// Records a partial selection that was dropped without a proof: the decided pieces, and piece k of a site.
     fn doubt(&mut self, last: Option<(usize, usize)>) {
         let mut decided = self.decided.clone();
         if let Some((site, k)) = last {
@@ -143,7 +143,7 @@ impl<'a> SelectionSearch<'a> {
         self.unproven.push(partial.collect());
     }
 
-    /// The table of all forms with the common equalities eliminated and what all pieces of a site imply required.
+    /// The table of all forms with the common equalities eliminated and the signs implied by all pieces of a site imposed.
     pub(super) fn root(&self, extra: &[Form]) -> Result<Table, Contradiction> {
         let mut table = Table::new(self.system.unknowns, self.system.forms());
         if self.certificates.is_some() {
@@ -187,8 +187,8 @@ impl<'a> SelectionSearch<'a> {
             .collect()
     }
 
-    /// Searches from a root; `leaf` receives each choice of pieces (by number in the map) that was not ruled out. It may give back a box of
-    /// pieces of each site that has a choice: nothing is left to be found in it, and the search passes it over.
+    /// Searches from a root; `leaf` receives each selection (by piece numbers of the map) that was not excluded. It may return a box, a set
+    /// of pieces for each site that has a choice, whose solutions are all known: the search skips it.
     pub(super) fn run<E>(
         &mut self,
         mut root: Table,
@@ -278,8 +278,8 @@ impl<'a> SelectionSearch<'a> {
             .collect()
     }
 
-    /// Where the node lies in a settled box as far as it is decided: the undecided sites, by position, that may still leave it, with the
-    /// pieces by which they would.
+    /// If the decided pieces of the node lie in a settled box: the undecided sites, by position, at which a selection may leave the box,
+    /// with the pieces that do.
     fn outside(&self, undecided: &[usize], alive: &[Vec<usize>]) -> Option<Vec<(usize, Vec<usize>)>> {
         let decided = |within: &&Within| {
             let mut sites = self.decided.iter().zip(*within);
@@ -343,7 +343,7 @@ impl<'a> SelectionSearch<'a> {
         })
     }
 
-    /// Rules out pieces of all undecided sites, and requires of the table the signs that forms have in all pieces left.
+    /// Excludes pieces of all undecided sites, and imposes on the table the signs that forms have in all remaining pieces.
     fn tighten(
         &mut self,
         table: &mut Table,
@@ -384,7 +384,7 @@ impl<'a> SelectionSearch<'a> {
         Ok(())
     }
 
-    /// Signs of the forms of a site that are not required yet.
+    /// Signs of the forms of a site that are not imposed yet.
     fn open_signs(&self, table: &Table, site: usize) -> Vec<(usize, Sign)> {
         let forms = 0..self.system.sites[site].forms.len();
         let both = forms.flat_map(|f| [(f, Sign::Positive), (f, Sign::Negative)]);
@@ -395,7 +395,7 @@ impl<'a> SelectionSearch<'a> {
         .collect()
     }
 
-    /// The table of a piece that is tried, with all forms of its site; `None` where it is infeasible, with a proof if that is asked for.
+    /// The table of a piece that is tried, with all forms of its site; `None` where it is infeasible, with a proof if proofs are required.
     fn tried(&mut self, table: &Table, site: usize, k: usize) -> Result<Option<Table>, Leave> {
         if self.is_over() {
             return Err(Leave::Stop);
@@ -429,8 +429,8 @@ impl<'a> SelectionSearch<'a> {
         Some(child)
     }
 
-    /// The verdict of some steps on a table. They are repeated on the table made anew where rounding hides much; what it hides still is no
-    /// contradiction.
+    /// The result of some steps on a table. They are repeated on the recomputed table where rounding errors are large; what is then still
+    /// within rounding is no contradiction.
     fn clearly(
         &self,
         table: &mut Table,
@@ -457,7 +457,7 @@ impl<'a> SelectionSearch<'a> {
         })
     }
 
-    /// Of some candidate sites the one with the fewest pieces that are feasible, and the tables behind them.
+    /// The candidate site with the fewest feasible pieces, and the tables of these pieces.
     fn probe(
         &mut self,
         table: &Table,
@@ -491,8 +491,8 @@ impl<'a> SelectionSearch<'a> {
         best.ok_or(Leave::Done)
     }
 
-    /// The undecided sites worth branching on, by position: those with the fewest pieces that are not ruled out at sight first,
-    /// among them those that the present vertex of the relaxed problem violates most.
+    /// The undecided sites worth branching on, by position: first those with the fewest pieces that are not excluded by signs alone,
+    /// among them those whose conditions the present vertex of the relaxed problem violates most.
     fn branching_sites(
         &self,
         table: &Table,
@@ -539,7 +539,7 @@ impl<'a> SelectionSearch<'a> {
         Ok(all.into_iter().take(count).map(|a| a.2).collect())
     }
 
-    /// Whether a form proves, where that is asked for, that a piece which it excludes at sight cannot be chosen.
+    /// Whether a form proves, where proofs are required, that a piece excluded by its sign cannot be chosen.
     fn excluded(&self, basis: &Basis<'_>, table: &Table, s: usize, k: usize, reach: &[(bool, bool)]) -> bool {
         let (piece, offset) = (&self.system.sites[s].pieces[k], self.offsets[s]);
         let wrong =
@@ -564,7 +564,7 @@ impl<'a> SelectionSearch<'a> {
         Ok(())
     }
 
-    /// Drops the forms of a decided site that say no more.
+    /// Drops the forms of a decided site that are redundant.
     fn forget(&self, table: &mut Table, site: usize, k: usize) {
         let description = &self.system.sites[site];
         for form in 0..description.forms.len() {

@@ -1,24 +1,25 @@
 //! Equalities that all pieces of a site have in common, though no row is the same in all of them.
 //!
-//! Where a node in space slipped before, it sticks (u̇_t = 0, two rows) or slips (two others), and in both cases it does not move across the
-//! direction of the friction force: one equality of both, in rows that mix it with another. Told apart, the pieces differ in one form each, as in
-//! the plane, and the site is one of a linear complementarity problem ([`monotone`](super::monotone)).
+//! Where a node in space slipped before, it sticks (u̇_t = 0, two rows) or slips (two others), and in both cases it does not move normal to
+//! the direction of the friction force: a common equality, in rows that mix it with another. Once it is separated, the pieces differ in one
+//! form each, as in the plane, and the site is one of a linear complementarity problem ([`monotone`](super::monotone)).
 
 use nalgebra::{DMatrix, DVector};
 
 use super::system::{Site, System, scale_form};
 use super::table::Form;
 
-/// The sine of the angle up to which a vector belongs to a space. Solutions are known less exactly than the rows there.
+/// The sine of the angle up to which a vector belongs to a space. Solutions are less accurate than the rows there.
 const ANGLE: f64 = 1e-8;
 /// Products of unit vectors below this count as 0.
 const TINY: f64 = 1e-140;
-/// Sweeps of singular values a row, and how accurate they are made: with less than nalgebra's own margin some do not settle.
+/// Sweeps per row for singular values, and their tolerance, which is nalgebra's own: with a smaller one some do not converge.
 const SWEEPS: usize = 100;
 const ACCURACY: f64 = 5.0 * f64::EPSILON;
 
 impl System {
-    /// For homogeneous forms: takes the equalities that all pieces of a site imply for forms of their own, and those that are left to each piece.
+    /// For homogeneous forms: separates the equalities that all pieces of a site imply, as forms of their own, from those that remain for
+    /// each piece.
     pub(super) fn tell_shared_equalities(&mut self) {
         self.sites.iter_mut().for_each(tell);
     }
@@ -45,7 +46,7 @@ fn tell(site: &mut Site) {
         return;
     }
     let own: Vec<Space> = spaces.iter().map(|space| space.without(&shared)).collect();
-    // Forms of facets stay, and are followed by the new ones.
+    // Forms of facets are kept, and are followed by the new ones.
     let kept = (0..site.forms.len()).filter(|f| all().any(|p| p.facets.iter().any(|facet| facet.0 == *f)));
     let kept: Vec<usize> = kept.collect();
     let mut forms: Vec<Form> = kept.iter().map(|&f| site.forms[f].clone()).collect();
@@ -92,7 +93,7 @@ fn multiple(vector: &DVector<f64>, form: &DVector<f64>, own: &DVector<f64>, shar
     (off <= ANGLE * size && factor.abs() > ANGLE.sqrt() * size).then_some(factor)
 }
 
-/// A space of forms by an orthonormal basis, and how far off its vectors may be.
+/// A space of forms by an orthonormal basis, and an error bound of its vectors.
 #[derive(Clone)]
 struct Space {
     basis: Vec<DVector<f64>>,
@@ -115,7 +116,8 @@ impl Space {
         )
     }
 
-    /// By Gram and Schmidt: of the vectors, which had the given lengths, at most so many, the longest of what is left first.
+    /// By pivoted Gram–Schmidt: a basis of at most the given number of the vectors, which had the given lengths, the longest remainder
+    /// first.
     fn spanned(mut vectors: Vec<DVector<f64>>, sizes: &[f64], most: usize, error: f64) -> Self {
         let mut out = Self {
             basis: Vec::new(),
@@ -131,7 +133,7 @@ impl Space {
             let Some((k, share)) = longest else {
                 break;
             };
-            // Once more: what is left of it may be little.
+            // Orthogonalised twice: the remainder may be small.
             let mut next = vectors[k].clone();
             out.project_off(&mut next);
             next.unscale_mut(next.norm());
@@ -150,7 +152,7 @@ impl Space {
         }
     }
 
-    /// What lies in both, within [`ANGLE`].
+    /// The intersection of both, within [`ANGLE`].
     fn meet(&self, other: &Self) -> Self {
         let mut out = Self {
             basis: Vec::new(),
@@ -165,7 +167,7 @@ impl Space {
         if products.is_empty() || products.iter().any(|v| !v.is_finite()) {
             return out;
         }
-        // The principal vectors (Björck, Golub 1973); angles by what is left of them, as cosines near 1 tell little.
+        // The principal vectors (Björck, Golub 1973); angles from their remainders, as cosines near 1 are inaccurate.
         let sweeps = SWEEPS * products.nrows().max(products.ncols());
         let svd = products.try_svd_unordered(true, false, ACCURACY, sweeps);
         let Some(u) = svd
@@ -189,7 +191,7 @@ impl Space {
         out
     }
 
-    /// What is left of it beside a part.
+    /// The orthogonal complement of a subspace within this space.
     fn without(&self, part: &Self) -> Self {
         let mut vectors = self.basis.clone();
         vectors.iter_mut().for_each(|v| part.project_off(v));
@@ -320,7 +322,7 @@ mod tests {
         DVector::from_fn(UNKNOWNS, |_, _| random.symmetric())
     }
 
-    /// Of vectors of several lengths so many as are asked for, those that stand out most from the ones before.
+    /// Of vectors of different lengths the requested number, each with the largest remainder orthogonal to those before.
     #[test]
     fn spaces_have_as_many_dimensions_as_asked_for() {
         let mut random = Random::new(3);
@@ -338,8 +340,8 @@ mod tests {
         assert_eq!(Space::spanned(twice, &[1.0; 8], 8, 0.0).basis.len(), 4);
     }
 
-    /// A site whose pieces hold s = a = 0 and s = b = 0 in rows that mix the two, the cell of the first b ≥ 0 and that of the second a ≤ 0, in
-    /// facets that mix what vanishes with them; off by an angle.
+    /// A site with the equalities s = a = 0 and s = b = 0 of its pieces in rows that mix the two, the cell of the first b ≥ 0 and that of
+    /// the second a ≤ 0, in facets that add forms that vanish; perturbed by an angle.
     fn mixed(random: &mut Random, angle: f64) -> (Site, [DVector<f64>; 3]) {
         let [s, a, b] = [(); 3].map(|()| random_vector(random));
         let rows = |v: &DVector<f64>, random: &mut Random| {
@@ -399,7 +401,7 @@ mod tests {
         }
     }
 
-    /// Where rows are off by an angle, forms that are shared vanish on each piece within their errors.
+    /// Where rows are perturbed by an angle, shared forms vanish on each piece within their errors.
     #[test]
     fn errors_of_shared_forms_bound_what_they_miss() {
         let mut random = Random::new(3);

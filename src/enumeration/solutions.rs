@@ -17,14 +17,15 @@ use crate::sparse::{Matrix, dot, max_abs, norm};
 /// All solutions y of H(y, α) = 0 for a map whose pieces are affine in y. For an equation (as many variables as residuals) `alpha`
 /// is ignored.
 ///
-/// For maps that [state their coefficients](PiecewiseSmooth::exact), friction problems, affine complementarity problems and piecewise-affine
-/// formulas ([`Traced`](crate::piecewise)) among them, a complete list is proven for the problem that the floating-point numbers state. The
-/// search works in floating-point numbers; what it rules out, the regularity of selections, the signs of facets and which solutions are one are decided by error bounds, and in exact
-/// rational arithmetic where these do not suffice. `tolerance` and `merge_distance` play no part.
+/// For maps that give [exact coefficients](PiecewiseSmooth::exact), friction problems, affine complementarity problems and piecewise-affine
+/// formulas ([`Traced`](crate::piecewise)) among them, a list is proven complete for the problem that the floating-point numbers define.
+/// The search works in floating-point numbers; excluded selections, the regularity of selections, the signs of facets and the coincidence
+/// of solutions are decided by error bounds, and in exact rational arithmetic where these do not suffice. `tolerance` and `merge_distance`
+/// are not used.
 ///
-/// Of other maps affinity is tested on every row by derivatives at two points, and every solution by its residual and its cell, within
-/// tolerances: such a list is never complete, but at best [`Undecided`](Completeness::Undecided). If residuals depend each on the piece of
-/// few sites, or are sums over sites (which is tested at some selections), they are searched with pruning; else selection by selection.
+/// For other maps affinity is tested on every row by derivatives at two points, and every solution by its residual and its cell, within
+/// tolerances: such a list is never complete, but at best [`Undecided`](Completeness::Undecided). If each residual depends on the pieces of
+/// few sites, or residuals are sums over sites (which is tested at some selections), the search is pruned; else it tries all selections.
 ///
 /// # Errors
 /// Options out of range, maps that are neither equation nor curve, α not finite, [`EnumerationError::NotAffine`] with the row or
@@ -50,8 +51,8 @@ pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
     solutions_of(&map, alpha, options, Deadline::after(options.max_time))
 }
 
-/// [`all_solutions`] that gives up, too, once `stop` returns `true`, as a user may want to. It is asked wherever
-/// [`max_time`](EnumerationOptions::max_time) is looked at, and costs as much as it does itself.
+/// [`all_solutions`] that ends also once `stop` returns `true`. It is called wherever
+/// [`max_time`](EnumerationOptions::max_time) is checked, so its own cost matters.
 ///
 /// # Errors
 /// As [`all_solutions`].
@@ -97,7 +98,7 @@ fn check_shape(map: &dyn PiecewiseSmooth) -> Result<(), EnumerationError> {
     .into())
 }
 
-/// What a map states of its pieces, where these are not more than so many coefficients.
+/// The exact conditions of a map's pieces, unless they have more than the given number of coefficients.
 pub(super) fn stated_conditions(
     map: &dyn PiecewiseSmooth,
     alpha: f64,
@@ -209,7 +210,7 @@ enum Rank {
     Deficient,
 }
 
-/// Solves for single selections, verifies and gathers what they give.
+/// Solves for single selections, verifies and collects their solutions.
 struct Collector<'a> {
     map: &'a dyn PiecewiseSmooth,
     options: &'a EnumerationOptions,
@@ -219,7 +220,7 @@ struct Collector<'a> {
     jac: Matrix,
     solver: AutoSolver,
     solutions: Vec<Solution>,
-    /// Whether one of the selections of a solution holds it up to rounding, and not by tolerance alone.
+    /// Whether a solution lies in the cell of one of its selections up to rounding, and not only by the tolerance.
     clean: Vec<bool>,
     continua: Vec<Continuum>,
     extents: Vec<Option<Extent<Vec<f64>>>>,
@@ -321,7 +322,7 @@ impl<'a> Collector<'a> {
         let mut clean = true;
         let inside = (0..self.layout.num_sites()).all(|site| {
             let tests = &theta[self.layout.range(site)];
-            // A test function may vanish everywhere, gradient and all, but for rounding.
+            // A test function may vanish identically up to rounding, with its gradient.
             let rounding = NOISE * max_abs(tests);
             self.map.cell(site, selection.piece(site)).iter().all(|facet| {
                 let margin = facet.margin(tests);
@@ -336,8 +337,8 @@ impl<'a> Collector<'a> {
         inside.then_some(clean)
     }
 
-    /// Where the solution that a selection gives lies in so many cells that the search would list them one by one: if it is the only one of
-    /// all their selections, or the others are added, the pieces of all of these.
+    /// Where the solution of a selection lies in so many cells that the search would list them one by one: adds any other solutions of
+    /// their selections, and returns the pieces of all these cells.
     fn settle(
         &mut self,
         selection: &Selection,
@@ -487,7 +488,7 @@ impl<'a> Collector<'a> {
         }
     }
 
-    /// A selection with a singular Jacobian: no solution, a segment, or more.
+    /// A selection with a singular Jacobian: no solution, a segment, or a larger polyhedron.
     fn singular(&mut self, selection: &Selection) -> Rank {
         let n = self.map.num_residuals();
         if n > MAX_KERNEL {
@@ -568,7 +569,7 @@ impl<'a> Collector<'a> {
         }
         let square: f64 = direction.iter().map(|d| d * d).sum();
         let foot = -dot(&set.point, direction) / square;
-        // As far from an end, or from the point next to the origin, as this is large.
+        // At a distance of 1 + ‖x‖ from an end x, or from the point x nearest to the origin.
         let away = |t: f64, way: f64| at(t + way * (1.0 + norm(&at(t))) / square.sqrt());
         let beyond = match (low.is_finite(), high.is_finite()) {
             (true, true) => Vec::new(),
@@ -603,7 +604,7 @@ impl<'a> Collector<'a> {
         for s in &mut self.solutions {
             s.sort();
             s.find_index();
-            // Selections that are active, too, but give no single point leave the solution without an index.
+            // Other active selections that do not determine a single point leave the solution without an index.
             let tolerance = self.options.merge_distance * s.x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
             let all = |_: &i8| {
                 !deadline.is_over()

@@ -1,5 +1,5 @@
-//! Rows that depend on the pieces of many sites: where they are sums over these, the contribution of each site becomes an unknown, and the
-//! rows common to all pieces.
+//! Rows that depend on the pieces of many sites: where they are sums over sites, the contribution of each site becomes an unknown, and the
+//! rows become common to all pieces.
 
 use super::EnumerationError;
 use super::system::{self, System};
@@ -9,14 +9,14 @@ use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 use crate::spread::Random;
 
-/// Numbers that derivatives of all pieces may have, each one by one.
+/// Largest number of entries in the derivatives of all pieces, taken one by one.
 const MAX_WORK: usize = 1 << 27;
-/// Relative difference up to which rows are taken for sums.
+/// Relative difference up to which rows count as sums.
 const SUM: f64 = 1e-9;
 /// Selections, with any pieces at any site, that are compared with the sums.
 const COMPARED: usize = 32;
 
-/// What a piece adds to a row, beside that of the first piece of its site.
+/// What a piece adds to a row, relative to the first piece of its site.
 struct Part {
     row: usize,
     form: Form,
@@ -34,7 +34,7 @@ struct Sums {
 pub(super) struct At<'a> {
     pub(super) points: [&'a [f64]; 2],
     pub(super) unknowns: usize,
-    /// Whether directions are asked for, for which constants do not count.
+    /// Whether directions are wanted, for which constants do not matter.
     pub(super) homogeneous: bool,
     pub(super) deadline: Deadline<'a>,
 }
@@ -57,9 +57,9 @@ impl At<'_> {
 /// A choice as a site of the map with the pieces that it may have.
 type Choice = (usize, Vec<usize>);
 
-/// The system of a map whose rows are sums over sites, with one unknown for each direction in which a site contributes, behind those of the
-/// map; `None` where rows are something else, this would take too long, or time is over. That they are sums is tested: at all pairs of pieces of two
-/// sites that meet in a row, as far as the limits allow, and at some selections of no particular kind.
+/// The system of a map whose rows are sums over sites, with one unknown for each direction in which a site contributes, after those of the
+/// map; `None` where rows are no such sums, this would take too long, or after the time limit. That they are sums is tested at all pairs of
+/// pieces of two sites that occur in one row, as far as the limits allow, and at some generic selections.
 pub(super) fn split(
     map: &dyn PiecewiseSmooth,
     base: &Selection,
@@ -146,7 +146,7 @@ fn compared(
 }
 
 impl Sums {
-    /// `None` once time is over.
+    /// `None` after the time limit.
     fn new(
         map: &dyn PiecewiseSmooth,
         first: &Selection,
@@ -284,7 +284,7 @@ fn add(sum: &mut Form, factor: f64, form: &Form) {
     sum.error = sum.error.max(factor.abs() * form.error);
 }
 
-/// What is left of a form without another one: 0 where that is rounding.
+/// A form minus another one: 0 where the difference is rounding.
 fn difference(new: &Form, old: &Form) -> Form {
     let mut rest = new.clone();
     add(&mut rest, -1.0, old);
@@ -328,7 +328,7 @@ mod tests {
         numbers.map(form).to_vec()
     }
 
-    /// Multiples are told beside the rounding of their terms, in any units; another ratio in one number, however small, is none.
+    /// Multiples are recognised up to the rounding of their terms, in any units; a different ratio in one number, however small, is none.
     #[test]
     fn multiples_are_told_from_near_ones() {
         let base = [[0.3, -0.7, 1e-3], [0.0, 1.1, 0.9]];
@@ -360,7 +360,7 @@ mod tests {
             let rest = difference(&other, &old);
             assert_eq!((rest.coefficients[0], rest.constant), (0.0, 0.0));
             assert!((rest.coefficients[1] / unit - 1e-12).abs() < 1e-15);
-            // An error that is told hides as much.
+            // A declared error permits as large a difference.
             other.error = 1e-11 * unit;
             assert_eq!(difference(&other, &old).coefficients, vec![0.0; 2]);
         }

@@ -1,4 +1,4 @@
-//! The affine forms of a map that states them exactly, rounded for the search.
+//! The affine forms of a map that gives them exactly, rounded for the search.
 
 use super::enclosure::Error;
 use super::system::{Piece, Site, System};
@@ -6,7 +6,7 @@ use super::table::Form;
 use crate::exact::Exact;
 use crate::piecewise::{ExactConditions, ExactForm, ExactSite};
 
-/// How far the scaled forms, and with them unbounded unknowns, are searched; what is beyond is searched as directions.
+/// Radius up to which the scaled forms, and with them unbounded unknowns, are searched; the region beyond is searched as directions.
 const FAR: f64 = 131_072.0;
 
 /// Powers of two by which forms, unknowns and constants are multiplied so that all are of size one: y_k = 2^(columns_k − constants) z_k.
@@ -17,18 +17,18 @@ pub(super) struct Scaling {
     constants: i64,
 }
 
-/// The system of the search, for what is stated exactly.
+/// The system of the search, for exact conditions.
 #[derive(Debug, Clone)]
 pub(super) struct Stated {
     pub(super) system: System,
     pub(super) scaling: Scaling,
-    /// Bounds of the unknowns z inside of which the search finds all solutions.
+    /// Bounds of the unknowns z within which the search finds all solutions.
     pub(super) radii: Vec<f64>,
-    /// What lies beyond, if anything may.
+    /// The search beyond these bounds, if solutions there are not excluded.
     pub(super) beyond: Option<Beyond>,
-    /// Whether the bounds hold for all solutions, or `beyond` tells of the rest.
+    /// Whether the bounds hold for all solutions, or `beyond` covers the rest.
     pub(super) bounded: bool,
-    /// What the numbers of the forms may be off beyond rounding: of the common ones, then of those of the sites. Empty where nothing.
+    /// Errors of the forms' numbers beyond rounding: of the common ones, then of those of the sites. Empty if there are none.
     errors: Vec<Error>,
     /// Where the forms of each site begin.
     offsets: Vec<usize>,
@@ -89,7 +89,7 @@ impl Scaling {
         self.columns[k] - self.constants
     }
 
-    /// That by which what form k has of a product y_j y_l is multiplied.
+    /// The power of two by which the coefficient of a product y_j y_l in form k is multiplied.
     pub(super) fn product(&self, k: usize, [j, l]: [usize; 2]) -> i64 {
         self.rows[k] + self.columns[j] + self.shift(l)
     }
@@ -164,7 +164,7 @@ impl Stated {
         }
     }
 
-    /// With bounds of what the numbers of each form may be off.
+    /// With error bounds of the numbers of each form.
     pub(super) fn with_errors(mut self, conditions: &ExactConditions, bounds: &[ExactForm]) -> Self {
         let error = |(k, (form, bound)): (usize, (&ExactForm, &ExactForm))| {
             let mut whole = form.clone();
@@ -180,7 +180,7 @@ impl Stated {
         self
     }
 
-    /// What a common form may be off, and a form of a site.
+    /// The errors of a common form, and of a form of a site.
     pub(super) fn common_error(&self, form: usize) -> Error {
         self.errors.get(form).copied().unwrap_or_default()
     }
@@ -189,7 +189,7 @@ impl Stated {
         self.common_error(self.offsets[site] + form)
     }
 
-    /// Whether the numbers are known but for rounding.
+    /// Whether the numbers are exact up to rounding.
     pub(super) fn is_exact(&self) -> bool {
         self.errors.is_empty()
     }
@@ -208,17 +208,17 @@ fn bounding(system: &System, unknown: usize) -> Option<(&Form, f64)> {
     })
 }
 
-/// What lies beyond the radii of a search, divided by the largest of all forms that are nonnegative at solutions.
+/// The region beyond the radii of a search, divided by the largest of all forms that are nonnegative at solutions.
 #[derive(Debug, Clone)]
 pub(super) struct Beyond {
     system: System,
     radii: Vec<f64>,
-    /// For each of these forms that it is the largest.
+    /// For each of these forms, the condition that it is the largest.
     largest: Vec<Form>,
 }
 
 impl Beyond {
-    /// Systems with their radii, each for another form that is the largest: if none of them has a point, nothing lies beyond.
+    /// Systems with their radii, one for each form as the largest one: if none of them has a point, no solution lies beyond.
     pub(super) fn systems(&self) -> impl Iterator<Item = (System, &[f64])> {
         self.largest.iter().map(|form| {
             let mut system = self.system.clone();
@@ -228,8 +228,8 @@ impl Beyond {
     }
 }
 
-/// Where each unbounded unknown has a form of its own that is nonnegative, the largest M of all nonnegative forms is what the search has to
-/// bound. The radii of the unknowns for M ≤ FAR; and the system of y / M, with the unknown t = 1/M ≤ 1/FAR.
+/// Where each unbounded unknown has a nonnegative form of its own, it suffices to bound the largest M of all nonnegative forms. Gives the
+/// radii of the unknowns for M ≤ FAR, and the system of y / M, with the unknown t = 1/M ≤ 1/FAR.
 fn far(system: &System, known: &[Option<f64>]) -> Option<(Vec<f64>, Beyond)> {
     let m = system.unknowns;
     let (mut radii, mut directions) = (vec![0.0; m], vec![0.0; m + 1]);
@@ -259,14 +259,14 @@ fn far(system: &System, known: &[Option<f64>]) -> Option<(Vec<f64>, Beyond)> {
             }
             limits.push(less(1.0, [(&site.forms[f], sign)]));
             largest.push(less(1.0, [(&site.forms[f], sign)]));
-            // Of two forms one vanishes in each piece: none is larger than 1, and so is their sum.
+            // Of two forms one vanishes in each piece: neither is larger than 1, nor is their sum.
             for &(g, other) in &implied[k + 1..] {
                 let either = |p: &Piece| p.equalities.contains(&f) || p.equalities.contains(&g);
                 if g != f && site.pieces.iter().all(either) {
                     let both = [(&site.forms[f], sign), (&site.forms[g], other)];
                     let terms = both.iter().flat_map(|b| b.0.coefficients.iter().zip(&directions));
                     let size: f64 = terms.map(|(a, r)| a.abs() * r).sum();
-                    // Coefficients that cancel are known no better than their terms.
+                    // Coefficients that cancel are no more accurate than their terms.
                     limits.push(less(1.0 + 8.0 * f64::EPSILON * size, both));
                 }
             }
@@ -332,7 +332,7 @@ mod tests {
     use super::*;
     use crate::piecewise::ExactPiece;
 
-    /// 2^a y = 2^b with |y| ≤ 2^(b − a): the search reaches its solution, in whatever units.
+    /// 2^a y = 2^b with |y| ≤ 2^(b − a): the search reaches its solution, whatever the units.
     #[test]
     fn radii_hold_what_bounds_allow() {
         for (a, b) in [(0, 0), (3, -5), (-70, 40), (200, 300)] {

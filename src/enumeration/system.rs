@@ -45,14 +45,14 @@ pub(super) struct Piece {
     pub(super) facets: Vec<(usize, f64)>,
 }
 
-/// Most combinations of pieces of sites that share rows.
+/// Largest number of combinations of pieces of sites that share rows.
 const MAX_COMBINATIONS: usize = 64;
 
 /// Which residuals belong to which choices of pieces.
 struct Owners {
-    /// For each residual the group, if its pieces matter to it.
+    /// For each residual the group on whose pieces it depends, if any.
     rows: Vec<Option<usize>>,
-    /// Positions of the choices in each group: sites that meet in a row belong together.
+    /// Positions of the choices in each group: sites that occur in the same row belong together.
     groups: Vec<Vec<usize>>,
 }
 
@@ -109,7 +109,7 @@ fn combinations(group: &[usize], choices: &[(usize, Vec<usize>)]) -> Vec<Vec<usi
     })
 }
 
-/// The rows of H^(σ) at `at[0]` as forms of the first `unknowns` variables; what their derivatives differ by at `at[1]` is noise.
+/// The rows of H^(σ) at `at[0]` as forms of the first `unknowns` variables; the difference of their derivatives at `at[1]` is noise.
 pub(super) fn rows(
     map: &dyn PiecewiseSmooth,
     selection: &Selection,
@@ -154,7 +154,7 @@ pub(super) fn rows(
     Ok(forms)
 }
 
-/// A coefficient, or zero within the noise: it would be scaled up to a wrong one.
+/// A coefficient, or zero if it is within the noise, which scaling would enlarge.
 fn clean(a: f64, noise: f64) -> f64 {
     if a.abs() <= 4.0 * noise { 0.0 } else { a }
 }
@@ -202,7 +202,7 @@ fn owned(
     }: At<'_>,
     tests: impl Fn(usize, usize) -> bool,
 ) -> Result<System, EnumerationError> {
-    // Each row of the map is a form at least: what cannot fit is refused before anything dense is made.
+    // Each row of the map is at least one form: a system that cannot fit is refused before a dense table is allocated.
     check_table(map.num_residuals(), unknowns)?;
     let mut system = System {
         unknowns,
@@ -229,7 +229,7 @@ fn owned(
             }
             for (row, _) in owners.rows.iter().enumerate().filter(|o| *o.1 == Some(g)) {
                 let new = &found[row];
-                // Pieces share rows (three of Coulomb's four say uν = 0): one form does for all.
+                // Pieces share rows (three of Coulomb's four have uν = 0): one form represents them all.
                 let same = |f: &Form| f.constant == new.constant && f.coefficients == new.coefficients;
                 let k = s.forms.iter().position(same).unwrap_or_else(|| {
                     s.forms.push(new.clone());
@@ -249,7 +249,7 @@ fn owned(
     Ok(system)
 }
 
-/// Adds the sites with the facets of their pieces; `count` forms are there or will be.
+/// Adds the sites with the facets of their pieces; `count` is the number of forms already present or planned.
 pub(super) fn add_cells(
     map: &dyn PiecewiseSmooth,
     system: &mut System,
@@ -358,7 +358,7 @@ fn check_table(rows: usize, unknowns: usize) -> Result<(), EnumerationError> {
     }
 }
 
-/// A point off the origin, of no particular position: derivatives that are the same there are taken to be constant.
+/// A point off the origin in general position: derivatives that are the same there count as constant.
 pub(super) fn probe(origin: &[f64], unknowns: usize) -> Vec<f64> {
     let mut probe = origin.to_vec();
     for (i, v) in probe.iter_mut().take(unknowns).enumerate() {
@@ -382,12 +382,12 @@ pub(super) fn directional(
     active: &ActiveSet,
     deadline: Deadline<'_>,
 ) -> Result<Option<System>, EnumerationError> {
-    // Forms of a site do not depend on the pieces of others, but where kinks lie inside of others they do.
+    // Forms of a site do not depend on the pieces of other sites, unless kinks are nested.
     if map.has_nested_kinks() && active.degenerate_sites().len() > 1 {
         return Ok(None);
     }
     let m = map.num_vars();
-    // Differences across a step of rounding size, whatever the units, show the noise of approximate derivatives, and nothing else.
+    // Differences across a step of rounding size, whatever the units, show only the noise of approximate derivatives.
     let size = |v: f64| if v == 0.0 { 1.0 } else { v.abs() };
     let near: Vec<f64> = x.iter().map(|v| v + 1e-13 * size(*v)).collect();
     let layout = TestLayout::new(map);

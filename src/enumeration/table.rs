@@ -6,14 +6,14 @@ use crate::clock::Deadline;
 const EPS: f64 = f64::EPSILON;
 /// Coefficients below this multiple of their error bound count as zero.
 const SAFETY: f64 = 64.0;
-/// Size (in scaled units, summed over the columns) up to which a coefficient taken for zero might have mattered.
+/// Size (in scaled units, summed over the columns) of the unknowns up to which a neglected coefficient is taken into account.
 const RADIUS: f64 = 1e4;
-/// Constants up to this size, in scaled units, are no evidence: a contradiction has to be clearer.
+/// Constants up to this size, in scaled units, are no evidence of a contradiction.
 const CLEAR: f64 = 1e-9;
 
-/// Error bound of a coefficient, in scaled units, beyond which a table is made anew from its root.
+/// Error bound of a coefficient, in scaled units, beyond which a table is recomputed from its root.
 pub(super) const VAGUE: f64 = 1e-11;
-/// Error bound of a coefficient beyond which a row shows nothing.
+/// Error bound of a coefficient beyond which a row is not used as evidence.
 pub(super) const VOID: f64 = 1e-8;
 
 /// What is known of the sign of a form.
@@ -59,7 +59,7 @@ pub(super) struct Form {
     pub(super) error: f64,
 }
 
-/// The system cannot be satisfied, within rounding: a variable that the constant of its row keeps from what is required of it.
+/// The system is infeasible, beyond rounding: a variable whose row contradicts its sign constraint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Contradiction {
     pub(super) var: usize,
@@ -68,7 +68,7 @@ pub(super) struct Contradiction {
 /// The dictionary. Variables are the forms, numbered as given, followed by the unknowns, which are free.
 ///
 /// Elimination of an equality exchanges its form with a column and drops the column; feasibility of the sign constraints is
-/// restored by exchanges of the same kind (the dual simplex method without costs, Bland's rule in the end), so that a child of a
+/// restored by exchanges of the same kind (the dual simplex method without costs, finally with Bland's rule), so that a child of a
 /// search node starts from the basis of its parent.
 #[derive(Debug, Clone)]
 pub(super) struct Table {
@@ -120,7 +120,7 @@ impl Table {
         }
     }
 
-    /// Keeps the coefficients of columns that are fixed at zero, so that each row stays an identity between forms of the unknowns.
+    /// Keeps the coefficients of columns that are fixed at zero, so that each row remains an identity between forms of the unknowns.
     pub(super) fn keep_fixed(&mut self) {
         self.keep = true;
     }
@@ -134,7 +134,7 @@ impl Table {
         Some((row[0], &self.columns, self.active, &row[1..]))
     }
 
-    /// A copy without room for what has been dropped.
+    /// A copy without storage for dropped rows and columns.
     pub(super) fn compact(&self) -> Self {
         let width = self.width();
         let mut data = Vec::with_capacity(self.rows.len() * width);
@@ -171,8 +171,8 @@ impl Table {
         self.error.iter().fold(0.0, |m, e| m.max(*e))
     }
 
-    /// The same dictionary, made anew from the root that it came from: its error bounds, which grow with every exchange, are those of this
-    /// basis and no longer those of the way to it. `None` where rounding hides that there is such a dictionary.
+    /// The same dictionary, recomputed from its root: its error bounds, which grow with every exchange, are those of this basis and not
+    /// those of the exchanges before it. `None` where the basis is singular to rounding.
     pub(super) fn reinverted(&self, root: &Self) -> Option<Self> {
         let mut nonbasic = vec![false; self.place.len()];
         for &var in self.active_columns().iter().chain(&self.fixed) {
@@ -196,7 +196,7 @@ impl Table {
         Some(table)
     }
 
-    /// The dictionary whose columns are the given variables, as many as there are columns now. `None` where there is none, within rounding.
+    /// The dictionary whose columns are the given variables, as many as there are columns. `None` where that basis is singular to rounding.
     pub(super) fn with_columns(&self, wanted: &[bool]) -> Option<Self> {
         let mut table = self.compact();
         for c in 0..table.active {
@@ -232,7 +232,7 @@ impl Table {
         self.place.len()
     }
 
-    /// Number of columns: the dimension that is left.
+    /// Number of columns: the remaining dimension.
     pub(super) fn dimension(&self) -> usize {
         self.active
     }
@@ -262,7 +262,7 @@ impl Table {
         })
     }
 
-    /// Adds the variables' sum, with factors, as a new row; returns its variable. Only before any search: numbers of forms shift.
+    /// Adds the weighted sum of variables as a new row; returns its variable. Only before any search, since numbers of forms shift.
     pub(super) fn combination(&self, terms: &[(usize, f64)], constant: f64) -> Form {
         let mut sum = Form {
             coefficients: vec![0.0; self.active],
@@ -347,17 +347,17 @@ impl Table {
         }
     }
 
-    /// Forgets a row that is of no further interest; a column has to stay.
+    /// Drops a row that is not needed any more; a column has to stay.
     pub(super) fn forget(&mut self, var: usize) {
         if let Place::Row(r) = self.place[var] {
             self.drop_row(r);
         }
     }
 
-    /// Restores the sign constraints of all rows; gives no verdict once time is over.
+    /// Restores the sign constraints of all rows; without a verdict after the time limit.
     pub(super) fn repair(&mut self, deadline: Deadline<'_>) -> Result<(), Contradiction> {
         let quick = 4 * (self.rows.len() + self.columns.len()) + 20;
-        // Bland's rule ends in exact arithmetic; a limit makes sure of it, and gives no verdict.
+        // Bland's rule terminates in exact arithmetic; with rounding a limit does, without a verdict.
         for step in 0..20 * quick {
             if deadline.is_over() {
                 break;
@@ -401,7 +401,7 @@ impl Table {
         for _ in 0..4 * (self.rows.len() + self.columns.len()) + 20 {
             let r = match self.place[var] {
                 Place::Gone => return true,
-                // A column that is free, or signed the other way, takes any value of that side unless a row bounds it.
+                // A free column, or one with the opposite sign, takes any value on that side unless a row bounds it.
                 Place::Column(c) => {
                     if self.sign[var].factor() == sign.factor() {
                         return true;
@@ -430,7 +430,7 @@ impl Table {
         false
     }
 
-    /// The first column by which `side` times a row can grow, and which way it has to go.
+    /// The first column by which `side` times a row can grow, and the direction in which it has to change.
     fn ascending(&self, r: usize, side: f64) -> Option<(usize, f64)> {
         let tiny = SAFETY * self.error[r];
         let entries = self.row(r)[1..].iter().zip(&self.columns).enumerate();
@@ -442,7 +442,7 @@ impl Table {
         up.min_by_key(|u| u.0).map(|u| (u.1, u.2))
     }
 
-    /// The row that bounds a column going one way, the first variable among equals; `except` is of no concern.
+    /// The row that bounds a column changing in one direction, the first variable in case of ties; `except` is ignored.
     fn leaving(&self, c: usize, way: f64, except: usize) -> Option<usize> {
         let mut best: Option<(f64, usize, usize)> = None;
         for (r, &var) in self.rows.iter().enumerate() {
@@ -466,7 +466,7 @@ impl Table {
         }
     }
 
-    /// Values of a variable up to which its sign is doubtful.
+    /// Size of the values of a variable up to which its sign is uncertain.
     pub(super) fn doubt(&self, var: usize) -> f64 {
         match self.place[var] {
             Place::Row(r) => self.threshold(r),
@@ -488,7 +488,7 @@ impl Table {
     }
 
     fn threshold(&self, r: usize) -> f64 {
-        // What is proven afterwards, from the forms themselves, may be claimed more readily.
+        // Contradictions that are proven afterwards from the forms need less evidence here.
         let doubt = if self.keep { 0.0 } else { RADIUS * self.error[r] };
         CLEAR + SAFETY * doubt
     }
@@ -531,7 +531,7 @@ impl Table {
         for (c, (a, &column)) in self.row(r)[1..].iter().zip(self.active_columns()).enumerate() {
             let key = match self.sign[column] {
                 _ if a.abs() <= tiny => continue,
-                // A free column leaves for good: never a loss.
+                // A free column that leaves never has to re-enter.
                 Sign::Free => 1e30 * a.abs(),
                 sign if wanted * a * sign.factor() > 0.0 => {
                     if bland {
@@ -586,7 +586,7 @@ impl Table {
         self.columns[c] = leaving;
         self.place[entering] = Place::Row(r);
         self.place[leaving] = Place::Column(c);
-        // The unknowns themselves are free and nobody asks for them again.
+        // The unknowns themselves are free and not needed again.
         if entering >= self.forms && self.sign[entering] == Sign::Free {
             self.drop_row(r);
         }
@@ -650,7 +650,7 @@ mod tests {
         })
     }
 
-    /// A variable that other variables are told by is bounded by what constrains itself, and by rows on its way.
+    /// A column is bounded by its own sign constraint, and by rows.
     #[test]
     fn columns_are_bounded_by_their_own_sign_and_by_rows() {
         let form = |constant: f64, rate: f64| Form {
@@ -693,7 +693,7 @@ mod tests {
         }
     }
 
-    /// −1 ≥ 0 is none once time is over: what rests on that is not told.
+    /// After the time limit −1 ≥ 0 is no contradiction: nothing that depends on it is reported.
     #[test]
     fn there_is_no_verdict_once_time_is_over() {
         let form = Form {
@@ -707,8 +707,7 @@ mod tests {
         assert!(table.repair(Deadline::after(None).or(&|| false)).is_err());
     }
 
-    /// y₀ or y₁ could make 1e-6 y₀ + y₁ − 1 positive. What is then known of them keeps all its digits where y₁ does, whether their signs are
-    /// given or not.
+    /// y₀ or y₁ could make 1e-6 y₀ + y₁ − 1 positive. If y₁ does, no digits are lost, whether their signs are given or not.
     #[test]
     fn rows_are_repaired_by_large_coefficients() {
         for signed in [false, true] {
@@ -729,8 +728,8 @@ mod tests {
         }
     }
 
-    /// Exchanges there and back leave the bounds of all of them. A dictionary made anew has the same rows, and bounds that hold, with the factor of
-    /// safety, for what rounding errors of the root do to its rows, and are not much larger.
+    /// Exchanges there and back accumulate the error bounds of all of them. A recomputed dictionary has the same rows, and bounds that
+    /// cover, with the safety factor, the effect of rounding errors of the root on its rows, and are not much larger.
     #[test]
     fn dictionaries_made_anew_forget_the_way() {
         let mut random = Random::new(3);

@@ -1,8 +1,8 @@
 //! The guide: eleven pages, to be read in order or where you need them.
 //!
-//! Who wants to learn the subject may begin with the [book](../../../book/index.html): twelve lessons with figures, exercises and solutions. Links
-//! to it, here and at the ends of the pages, work offline where it was built beside this documentation (`cargo doc`, then `mdbook build book` in the
-//! repository); elsewhere, on docs.rs too, they lead nowhere: its text is in `book/lessons`.
+//! To learn the subject, begin with the [book](../../../book/index.html): twelve lessons with figures, exercises and solutions. Links to
+//! it, here and at the ends of the pages, work where it was built beside this documentation (`cargo doc`, then `mdbook build book` in the
+//! repository); elsewhere, on docs.rs too, they are broken: its text is in `book/lessons`.
 //!
 //! 1. [What a piecewise-smooth map is](pieces)
 //! 2. [Solve](solve)
@@ -12,7 +12,7 @@
 //! 6. [Write your own map](your_own_map)
 //! 7. [Options, reports, failures](options)
 //! 8. [Large problems and your own linear solver](large)
-//! 9. [Limits of time and memory, and of what is told](limits)
+//! 9. [Limits of time and memory, and of the results](limits)
 //! 10. [Relation to other programs, references](other_programs)
 //! 11. [Words: ours beside those of the literature](words)
 

@@ -1,4 +1,4 @@
-//! What factors of a point nearby still give: steps, tangents, solutions with the Jacobian at hand.
+//! Steps, tangents and solutions of linear systems from the factors of a Jacobian at a nearby point (chord method).
 
 use super::MoorePenrose;
 use super::moore_penrose::CONTRACTION;
@@ -6,14 +6,14 @@ use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{dot, norm};
 
-/// Last change of a tangent that is refined.
+/// Change of the tangent at which its refinement ends.
 const SHARP: f64 = 1e-10;
-/// Most steps of refinement of solutions, and the relative change up to which they go on.
+/// Largest number of refinement steps for a solution, and the relative change at which they end.
 const REFINEMENTS: usize = 4;
 const ACCURATE: f64 = 1e-3;
 
 impl<L: LinearSolver> MoorePenrose<L> {
-    /// [`linearize`](Self::linearize) of the very map of the last call: factors of the same selection at the same point are used again. The
+    /// [`linearize`](Self::linearize) for the same map as in the last call: factors of the same selection at the same point are reused. The
     /// Jacobian is assembled in any case.
     pub(crate) fn linearize_again<P: PiecewiseSmooth + ?Sized>(
         &mut self,
@@ -30,8 +30,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(self.tangent())
     }
 
-    /// Turns `t` into the tangent at x, next to which the factors at hand were made: by refinement, or where that goes slowly by factors
-    /// made anew.
+    /// Replaces `t` by the tangent at x: by iterative refinement with the stored factors of a nearby point, or, where that converges
+    /// slowly, by a new factorisation.
     pub(super) fn take_tangent(
         &mut self,
         map: &dyn PiecewiseSmooth,
@@ -61,8 +61,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(())
     }
 
-    /// dx ← ∇H⁺ r across t for the Jacobian at hand, which is not the factored one after a correction by chords; `false` where that is too far
-    /// from it.
+    /// dx ← ∇H⁺ r normal to t for the assembled Jacobian, which after chord steps is not the factored one; `false` where the two differ too
+    /// much.
     pub(super) fn solve_here(&mut self, t: &[f64]) -> Result<bool, LinearError> {
         self.bordered.solve(&self.r, t, 0.0, &mut self.dx)?;
         if !self.refined {
@@ -87,7 +87,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(true)
     }
 
-    /// v ← the solution of ∇Hᵀ v + s t = dx for the Jacobian at hand, in the same way.
+    /// v ← the solution of ∇Hᵀ v + s t = dx for the assembled Jacobian, in the same way.
     pub(super) fn solve_transpose_here(&mut self, t: &[f64], v: &mut [f64]) -> Result<(), LinearError> {
         let mut s = self.bordered.solve_transpose(&self.dx, t, v)?;
         if !self.refined {
@@ -110,7 +110,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     }
 }
 
-/// Broyden's method without matrices: the steps made with the same factors tell by how much the Jacobian differs from the factored one.
+/// Broyden's method in limited-memory form: the steps made with the same factors give the update of the factored Jacobian.
 /// C. T. Kelley, Solving Nonlinear Equations with Newton's Method, SIAM 2003, section 4.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Secants {
@@ -129,7 +129,7 @@ impl Secants {
         self.squares.push(dot(step, step));
     }
 
-    /// Makes of the next step with the first factors that of Broyden's method.
+    /// Turns the next chord step into that of Broyden's method.
     pub(super) fn turn(&self, step: &mut [f64]) {
         const LEAST: f64 = 0.5;
         let known = self.steps.chunks_exact(step.len()).zip(&self.squares);
@@ -147,7 +147,7 @@ impl Secants {
     }
 }
 
-/// `t` becomes the unit kernel vector that points its way.
+/// `t` becomes the unit kernel vector, oriented along the old `t`.
 pub(super) fn turn_into(tangent: &[f64], t: &mut [f64]) {
     let sign = dot(tangent, t).signum();
     for (t, v) in t.iter_mut().zip(tangent) {
@@ -155,8 +155,8 @@ pub(super) fn turn_into(tangent: &[f64], t: &mut [f64]) {
     }
 }
 
-/// How many steps of Newton's method come as near as so many with the first factors: each of these shortens the error by the same factor,
-/// each of those squares what all before it have gained.
+/// Number of Newton steps that reduce the error as much as so many chord steps: a chord step multiplies it by a constant factor, a Newton
+/// step squares the reduction reached before.
 pub(super) fn newton_steps(chords: usize) -> usize {
     1 + chords.next_power_of_two().ilog2() as usize
 }
@@ -169,7 +169,7 @@ mod tests {
     use crate::sparse::{Matrix, distance};
     use crate::spread::Random;
 
-    /// Smooth curves of so many equations: values and derivatives of one row.
+    /// Smooth curves of the given number of equations: values and derivatives of one row.
     struct Smooth<F>(usize, F);
 
     impl<F: Fn(usize, &[f64], &mut dyn FnMut(usize, f64)) -> f64> PiecewiseSmooth for Smooth<F> {
@@ -223,8 +223,8 @@ mod tests {
         MoorePenrose::new(map, AutoSolver::new()).unwrap()
     }
 
-    /// One factorisation a correction, and the same as by Newton's method and by factors made at the very point: number of corrections,
-    /// tangent, signs of determinants, and how fast ∇H loses its regularity.
+    /// One factorisation per correction, and the same results as by Newton's method and by factors of the point itself: number of
+    /// corrections, tangent, signs of determinants, and how fast ∇H loses its regularity.
     #[test]
     fn chords_do_what_newtons_method_does() {
         let (map, sigma) = (coupled(), Selection::uniform(0, 0));
@@ -282,8 +282,8 @@ mod tests {
         }
     }
 
-    /// Solutions with the Jacobian at hand, after a correction by chords, are much nearer to those of factors made there than those of the
-    /// factors at hand; so are those of the transposed equations.
+    /// Refined solutions after chord steps are much nearer to those of a new factorisation than solutions with the stored factors; so are
+    /// those of the transposed equations.
     #[test]
     fn solutions_are_those_of_the_jacobian_at_hand() {
         let (map, mut sigma) = (coupled(), Selection::uniform(0, 0));
@@ -374,7 +374,7 @@ mod tests {
         }
     }
 
-    /// Factors of the same point serve again, those of another one or another selection do not.
+    /// Factors are reused for the same point and selection only.
     #[test]
     fn factors_serve_again_at_the_same_point() {
         let (map, sigma) = (coupled(), Selection::uniform(0, 0));
@@ -411,7 +411,7 @@ mod tests {
         assert!(norm(&rest(&x)) < 1e-14, "{:?}", rest(&x));
     }
 
-    /// The last step of chords that shorten the error by ρ is ρⁿ⁻¹ of the first, that of Newton's method ρ to the power 2ᵏ⁻¹ − 1.
+    /// The last of n chord steps with contraction ρ is ρⁿ⁻¹ of the first, that of k Newton steps ρ to the power 2ᵏ⁻¹ − 1.
     #[test]
     fn chords_count_as_steps_of_newtons_method() {
         for chords in 1..100 {

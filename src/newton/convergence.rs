@@ -3,7 +3,7 @@
 use crate::sparse::MatrixRef;
 use crate::sparse::norm;
 
-/// Sweeps of equilibration; each halves the decimal exponents that are left.
+/// Sweeps of equilibration; each halves the decimal exponents that remain.
 const SWEEPS: usize = 6;
 
 /// The size of the terms that cancel in each residual, S_i = Σ_j |∂H_i/∂x_j| |x_j|.
@@ -12,11 +12,11 @@ pub(super) fn row_sizes(jac: MatrixRef<'_>, x: &[f64], size: &mut [f64]) {
     jac.add_term_sizes(x, size);
 }
 
-/// What [`is_small`] finds.
+/// Result of [`is_small`].
 #[derive(PartialEq, Clone, Copy)]
 pub(super) enum Small {
     No,
-    /// Only if rows whose terms vanish with them are at the rounding of other rows, which `settled` does not say of all.
+    /// Only if rows whose terms vanish with them are at the rounding level of other rows, which `settled` does not confirm for all of them.
     Perhaps,
     Yes,
 }
@@ -33,10 +33,10 @@ const VANISHING: f64 = 1e-3;
 
 /// Whether |r| ≤ tolerance · size: in the norm and row by row.
 ///
-/// The norm alone would let a row in small units pass unsolved. Row by row alone is too much to ask of a row such as
-/// H_i = x_i at x_i ≈ 0, whose terms vanish with it; such a row is compared with the largest one that shares an unknown with it, after
-/// equilibration: that one's rounding is in the unknown, as far as both rows see it. But the unknown may be known better from other
-/// rows, and then this one still falls: it is excused only where `settled` says that Newton steps no longer improve it.
+/// The norm alone would accept a row in small units unsolved. Row by row alone is too strict for a row such as H_i = x_i at x_i ≈ 0,
+/// whose terms vanish with it; such a row is compared, after equilibration, with the largest row that shares an unknown with it, whose
+/// rounding limits the accuracy of that unknown. Where other rows determine the unknown more accurately, the residual of this row still
+/// decreases: the row is exempted only where `settled` says that Newton steps no longer reduce it.
 pub(super) fn is_small(
     r: &[f64],
     size: &[f64],
@@ -131,7 +131,7 @@ mod tests {
     use super::{Scratch, Small, equilibrate, is_small, row_sizes};
     use crate::sparse::Matrix;
 
-    /// x₀ is in one row with terms of 1e12 and in another with terms of 1. The rounding of the first excuses what is left in the second
+    /// x₀ is in one row with terms of 1e12 and in another with terms of 1. The rounding of the first exempts the residual of the second
     /// only where its terms vanish as well, not where they cancel to some digits.
     #[test]
     fn rows_whose_terms_cancel_are_not_excused_by_larger_ones() {
@@ -159,7 +159,7 @@ mod tests {
         assert!(small([1e3, 1e3, 1e12], 100.0, true) == Small::No);
     }
 
-    /// A row whose terms are no numbers is not excused by another one, however large.
+    /// A row with terms that are NaN is not exempted by another one, however large.
     #[test]
     fn rows_without_sizes_are_not_solved() {
         let jac = Matrix::from_rows(&[[1.0, f64::NAN], [1.0, 0.0]]).unwrap();
@@ -173,7 +173,8 @@ mod tests {
         assert!(is_small(&[1e-3, 0.0], &sizes, 1e-12, jac.as_ref(), &[true; 2], work) == Small::No);
     }
 
-    /// x₀ is rounded in a row with terms of 1, of which it has a share of 1e-3: so much may be left in its own row, whose terms vanish.
+    /// x₀ is rounded in a row with terms of 1, of which it has a share of 1e-3: its own row, whose terms vanish, may have a residual as
+    /// large.
     #[test]
     fn rows_are_excused_by_what_others_see_of_their_unknown() {
         let (share, tolerance) = (1e-3, 1e-8);

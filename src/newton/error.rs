@@ -33,7 +33,7 @@ pub enum NewtonError {
     Failed(Box<Unsolved>),
 }
 
-/// What a failed run leaves.
+/// The state at the end of a failed run.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

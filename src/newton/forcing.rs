@@ -2,11 +2,11 @@ use super::{Damping, NewtonError};
 use crate::linear::KrylovMethod;
 use crate::options::setters;
 
-/// How exactly a Newton step is solved for: ‖H + G d‖₂ ≤ η ‖H‖₂ with the forcing term η of the iteration.
+/// Accuracy to which a Newton step is computed: ‖H + G d‖₂ ≤ η ‖H‖₂ with the forcing term η of the iteration.
 ///
 /// S. C. Eisenstat, H. F. Walker, SIAM J. Sci. Comput. 17 (1996). Both choices fall to zero where Newton's method converges, so that the
-/// tail of the iteration stays superlinear; far from a solution, where the linear model tells little, they save iterations. They do not fall
-/// below what the choice of the iteration before allows as long as that is above 0.1 (the safeguards of the paper).
+/// iteration converges superlinearly; far from a solution, where the linear model is poor, they save linear iterations. They are bounded
+/// below in terms of the previous η as long as that bound is above 0.1 (the safeguards of the paper).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -37,7 +37,7 @@ impl Default for Forcing {
 /// Where safeguards hold.
 const SAFEGUARD: f64 = 0.1;
 
-/// What the step before tells.
+/// Data of the previous step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Before {
     /// ‖H₋‖.
@@ -70,7 +70,7 @@ impl Forcing {
                 safeguarded(gamma * (norm / b.norm).powf(alpha), floor)
             }
         };
-        // More than what ends the run is of no use (C. T. Kelley, 1995, (6.20)).
+        // A linear residual below the tolerance of the run is of no use (C. T. Kelley, 1995, (6.20)).
         eta.max(0.5 * goal / norm).min(largest)
     }
 }
@@ -90,7 +90,7 @@ fn safeguarded(eta: f64, floor: f64) -> f64 {
 pub struct NewtonKrylovOptions {
     /// The method for the linear systems. Default: GMRES with 30 directions.
     pub method: KrylovMethod,
-    /// How exactly they are solved. Default: choice 2 of Eisenstat and Walker.
+    /// Forcing terms: how accurately they are solved. Default: choice 2 of Eisenstat and Walker.
     pub forcing: Forcing,
     /// η of the first iteration, in (0, 1). Default 0.5.
     pub first_forcing: f64,
@@ -135,7 +135,7 @@ impl NewtonKrylovOptions {
     setters! {
         /// Sets the method for the linear systems.
         with_method(method: KrylovMethod);
-        /// Sets how exactly they are solved.
+        /// Sets the forcing terms.
         with_forcing(forcing: Forcing);
         /// Sets η of the first iteration.
         with_first_forcing(first_forcing: f64);
@@ -243,7 +243,7 @@ impl NewtonKrylovOptions {
 mod tests {
     use super::*;
 
-    /// S. C. Eisenstat, H. F. Walker, SIAM J. Sci. Comput. 17 (1996), (2.2), (2.6) and the safeguards behind them, by hand.
+    /// S. C. Eisenstat, H. F. Walker, SIAM J. Sci. Comput. 17 (1996), (2.2), (2.6) and the safeguards that follow them, by hand.
     #[test]
     fn forcing_terms_by_hand() {
         let options = NewtonKrylovOptions::default();
@@ -265,7 +265,7 @@ mod tests {
             eta(Forcing::Model, 0.5, 0.1, 0.0),
             0.5_f64.powf((1.0 + 5.0_f64.sqrt()) / 2.0),
         );
-        // Half of what would end the run.
+        // Half of the tolerance of the run.
         is(eta(decrease, 0.2, 0.1, 0.08), 0.4);
         is(eta(decrease, 0.2, 0.1, 0.3), 0.9);
         is(decrease.next(&options, None, 1.0, 0.0), 0.5);

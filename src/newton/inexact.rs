@@ -1,4 +1,4 @@
-//! Newton's method for maps known by products, each step solved for by a Krylov method as far as it is worth while.
+//! Inexact Newton method for matrix-free maps, each step computed by a Krylov method up to a forcing term.
 
 use std::ops::ControlFlow;
 
@@ -19,11 +19,12 @@ const JUMP: f64 = 1e-6;
 /// Inexact semismooth Newton method for [`MatrixFree`] maps: steps with ‖H + G d‖₂ ≤ η ‖H‖₂ by a Krylov method, with forcing terms η of
 /// Eisenstat and Walker ([`Forcing`](super::Forcing)).
 ///
-/// As long as the residual gets on, steps are full; then a line search sets in on ‖H‖₂, as it is: scale rows to comparable units. Where the
-/// Newton step gives no descent and products with Gᵀ are known, the steepest descent on ½‖H‖² is tried. The tail is superlinear at solutions
-/// where all elements of the generalized Jacobian are regular (J. M. Martínez, L. Qi, J. Comput. Appl. Math. 60 (1995)).
+/// As long as the residual decreases, steps are full; then a line search on the unweighted ‖H‖₂ begins: scale rows to comparable units.
+/// Where the Newton step gives no descent and products with Gᵀ are known, the steepest descent on ½‖H‖² is tried. Convergence is
+/// superlinear at solutions where all elements of the generalized Jacobian are regular (J. M. Martínez, L. Qi, J. Comput. Appl. Math. 60
+/// (1995)).
 ///
-/// Products alone tell nothing of the regularity of a solution, and the report has none:
+/// Products alone do not give the regularity of a solution, and the report has none:
 /// [`bd_regularity_semismooth`](crate::piecewise::bd_regularity_semismooth) and
 /// [`cd_regularity_semismooth`](crate::piecewise::cd_regularity_semismooth) examine maps with matrices at the point returned.
 ///
@@ -54,7 +55,7 @@ impl Default for NewtonKrylov {
 }
 
 impl NewtonKrylov {
-    /// A solver without a workspace yet.
+    /// A solver whose workspace is still empty.
     #[must_use]
     pub fn new(options: NewtonKrylovOptions) -> Self {
         Self {
@@ -79,7 +80,7 @@ impl NewtonKrylov {
     /// Solves H(x) = 0 from the start `x`, which is overwritten by the solution; after an error it holds the best iterate.
     ///
     /// # Errors
-    /// [`NewtonError::Failed`] with the best iterate and the history; errors of options, start and what `linearize` tells.
+    /// [`NewtonError::Failed`] with the best iterate and the history; errors of options, of the start and of `linearize`.
     pub fn solve(&mut self, map: &mut dyn MatrixFree, x: &mut [f64]) -> Result<Convergence, NewtonError> {
         self.solve_observed(map, x, |_| ControlFlow::Continue(()))
     }
@@ -169,7 +170,7 @@ struct Taken {
 }
 
 impl Run<'_> {
-    /// The outer result is for misuse, the inner one for the outcome of the iteration.
+    /// The outer result is for invalid input, the inner one for the outcome of the iteration.
     fn go(&mut self, x: &mut [f64]) -> Result<Result<Convergence, Failure>, NewtonError> {
         let mut norm = self.evaluate(x);
         if !norm.is_finite() {
@@ -206,7 +207,7 @@ impl Run<'_> {
             };
             let taken = match taken {
                 Ok(taken) => taken,
-                // Full steps have led where nothing goes on.
+                // Full steps have reached a point without a further step.
                 Err(_) if full && self.options.damping == Damping::OnTrouble => {
                     (full, waited, before) = (false, 0, None);
                     x.copy_from_slice(&self.work.best);
@@ -363,7 +364,7 @@ impl Run<'_> {
         false
     }
 
-    /// Records the last iterate; what the observer says no longer matters.
+    /// Records the last iterate; the observer's return value is ignored.
     fn end(
         &mut self,
         index: usize,

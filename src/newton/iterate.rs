@@ -15,7 +15,7 @@ const PATIENCE: usize = 12;
 /// Share of its terms beyond which a residual that changes with the last digits of x is a jump of H, not rounding.
 const JUMP: f64 = 1e-6;
 
-/// How far the globalisation has been driven.
+/// Stage of the globalisation.
 #[derive(PartialEq, PartialOrd, Clone, Copy)]
 pub(super) enum Mode {
     Full,
@@ -92,7 +92,7 @@ pub(super) struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// The outer result is for misuse, the inner one for the outcome of the iteration.
+    /// The outer result is for invalid input, the inner one for the outcome of the iteration.
     fn go(&mut self, jac: &mut Matrix, x: &mut [f64]) -> Result<Result<Convergence, Failure>, NewtonError> {
         let mut evaluation = self.enter(x);
         let mut norm = norm2(&self.work.r);
@@ -129,7 +129,7 @@ impl Run<'_> {
             if self.mode == Mode::LeastIndex && cycles {
                 return Ok(self.give_up(jac, x, index, norm, evaluation, why.unwrap_or(Failure::Cycling)));
             }
-            // Growth alone tells nothing: the units of rows decide it, and pieces not seen before may cost something at first.
+            // Growth of ‖H‖ alone is no sign of trouble: it depends on the units of rows, and new pieces may raise it at first.
             if cycles && self.options.damping == Damping::OnTrouble && self.mode == Mode::Full {
                 self.mode = Mode::LineSearch;
                 if natural_norm > self.best_norm {
@@ -175,7 +175,7 @@ impl Run<'_> {
                         let reason = why.unwrap_or(reason);
                         return Ok(self.give_up(jac, x, index, norm, evaluation, reason));
                     }
-                    // A stationary point says more about the problem than how the last resort failed.
+                    // A stationary point is a more useful diagnosis than the failure of the least-index rule.
                     why = matches!(reason, Failure::Stationary { .. }).then_some(reason);
                     self.mode = Mode::LeastIndex;
                     self.work.visited.clear();
@@ -268,7 +268,7 @@ impl Run<'_> {
                 let found = match evaluation.settled {
                     true => self.settles(jac, x, norm, &small)?,
                     false => {
-                        // The natural residual has been left there.
+                        // `trial_r` holds the natural residual.
                         std::mem::swap(&mut self.work.r, &mut self.work.trial_r);
                         let found = small(self, jac, x) == Small::Yes;
                         std::mem::swap(&mut self.work.r, &mut self.work.trial_r);
@@ -309,8 +309,8 @@ impl Run<'_> {
         is_small(&work.r, &work.size, tolerance, jac, &work.settled, scratch)
     }
 
-    /// Whether the residual is small, where rows whose terms vanish with them must rest as well: if it takes that, full steps are made
-    /// until they do. x is moved only then.
+    /// Whether the residual is small, where rows whose terms vanish with them must have settled as well: if only these are missing, full
+    /// steps are made until they have. x is changed only then.
     fn settles(
         &mut self,
         jac: &mut Matrix,
@@ -318,7 +318,7 @@ impl Run<'_> {
         norm: f64,
         small: &dyn Fn(&mut Self, &Matrix, &[f64]) -> Small,
     ) -> Result<bool, NewtonError> {
-        /// Steps after which rounding has shown in every row, unless it still falls.
+        /// Steps after which every row is at the level of rounding, unless its residual still decreases.
         const STEPS: usize = 12;
         match small(self, jac, x) {
             Small::No => return Ok(false),
@@ -334,7 +334,7 @@ impl Run<'_> {
             match self.refine(jac, x)? {
                 Some(true) => {}
                 Some(false) => break,
-                // Nothing more can be asked of such a point.
+                // Singular: no step can improve this point.
                 None => return Ok(true),
             }
             self.watch(jac);
@@ -353,7 +353,7 @@ impl Run<'_> {
         Ok(false)
     }
 
-    /// A full step. `r` and `trial_r` become the residuals after and before it, `model` ∇H d. False if it leads nowhere, `None` where
+    /// A full step. `r` and `trial_r` become the residuals after and before it, `model` ∇H d. False if the step is not usable, `None` where
     /// the Jacobian is singular.
     fn refine(&mut self, jac: &mut Matrix, x: &mut [f64]) -> Result<Option<bool>, NewtonError> {
         match self.newton_direction(jac) {
@@ -380,8 +380,8 @@ impl Run<'_> {
         Ok(Some(true))
     }
 
-    /// Marks the rows that the step just made has not improved though H does not bend so much, and those that it has made vanish but for
-    /// rounding: a row c·x_i = 0 would fall by that share again and again.
+    /// Marks the rows whose residual the last step has not reduced although it exceeds the error of the linear model, and those that it has
+    /// reduced to rounding: a row c·x_i = 0 would be reduced by that factor in every step.
     fn watch(&mut self, jac: &Matrix) {
         const VANISHED: f64 = 4.0 * f64::EPSILON;
         let work = &mut *self.work;
@@ -394,7 +394,7 @@ impl Run<'_> {
         }
     }
 
-    /// Whether the Newton step drowns in the rounding of x while the residual no longer falls.
+    /// Whether the Newton step is within the rounding of x while the residual no longer decreases.
     fn step_is_rounding(
         &self,
         x: &[f64],
@@ -469,7 +469,7 @@ impl Run<'_> {
         is_small(&work.r, &work.size, 2.0, jac, &work.settled, scratch)
     }
 
-    /// The end of a run that found nothing, unless its best iterate is as good as rounding allows.
+    /// The end of an unsuccessful run, unless its best iterate is as accurate as rounding allows.
     fn give_up(
         &mut self,
         jac: &mut Matrix,
@@ -506,7 +506,7 @@ impl Run<'_> {
         }
     }
 
-    /// Records the last iterate; what the observer says no longer matters.
+    /// Records the last iterate; the observer's return value is ignored.
     fn record_last(&mut self, index: usize, residual_norm: f64, evaluation: Evaluation) {
         let _ = self.record(index, residual_norm, 0.0, 0.0, evaluation.changed, Step::None);
     }
@@ -536,7 +536,7 @@ impl Run<'_> {
     }
 }
 
-/// Watches a line search that does not get on: it changes pieces back and forth, or creeps up to a kink.
+/// Detects a line search that stalls: it changes pieces back and forth, or its steps shrink towards a kink.
 struct Patience {
     norm: f64,
     iterations: usize,
@@ -558,7 +558,7 @@ impl Patience {
         }
         self.iterations += 1;
         self.changes += changed;
-        // On a smooth stretch slow progress is progress, creeping up to a kink is not.
+        // Slow decrease is accepted on one selection, but not ever shorter steps towards a kink.
         self.iterations > PATIENCE && (self.changes > 0 || norm > 0.99 * self.norm)
     }
 }

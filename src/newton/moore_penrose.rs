@@ -15,21 +15,21 @@ pub struct MoorePenrose<L> {
     pub(super) r: Vec<f64>,
     pub(super) dx: Vec<f64>,
     iterations: usize,
-    /// The selection whose factored Jacobian is at hand; for affine pieces that serves at every x.
+    /// The selection whose factored Jacobian is stored; for affine pieces it is valid at every x.
     factored: Option<Selection>,
     /// The selection whose Jacobian, at some point, has been factored last.
     pub(super) last: Option<Selection>,
     /// The point of those factors, where they and the tangent are exactly those of `last` there.
     pub(super) last_point: Option<Vec<f64>>,
-    /// Whether the Jacobian at hand, whose tangent is known, was assembled after the factored one.
+    /// Whether the assembled Jacobian, whose tangent is known, is newer than the factored one.
     pub(super) refined: bool,
-    /// The length of the steps that rounding errors of H make with these factors, once it was asked for.
+    /// The length of the steps that rounding errors of H cause with these factors, once computed.
     rounding: Option<f64>,
     /// Steps of the last correction by chords.
     pub(super) secants: Secants,
-    /// Rounding errors of H, and the step that they make.
+    /// Rounding errors of H, and the step that they cause.
     pub(super) errors: (Vec<f64>, Vec<f64>),
-    /// For affine pieces, the bordered Jacobian of a selection with updates, and whether it is the one at hand.
+    /// For affine pieces, the bordered Jacobian of a selection with updates, and whether it is the one in use.
     pub(super) updated: Option<(Selection, RowUpdates)>,
     pub(super) updated_at_hand: bool,
     updates: usize,
@@ -42,15 +42,15 @@ const MAX_INVERSE: usize = 1000;
 
 /// Chord steps go on while each is at most this share of the one before.
 pub(super) const CONTRACTION: f64 = 0.1;
-/// The same for those of Broyden's method, which grow shorter faster and faster.
+/// The same for those of Broyden's method, which converges superlinearly.
 const SECANTS: f64 = 0.3;
-/// Chords go on beyond the tolerance of steps, down to this share of it: that far the last step of Newton's method would lead.
+/// Chord steps go on below the tolerance on steps, down to this share of it: the accuracy that the last Newton step would reach.
 const QUADRATIC: f64 = 1e-4;
 /// Steps up to this size, relative to 1 + ‖x‖, end a correction where they no longer shrink …
 const STALLED: f64 = 1e-9;
-/// … and up to this one where rounding errors of H explain them: with a Jacobian that is nearly singular x has no more digits.
+/// … and up to this one where rounding errors of H explain them: with a nearly singular Jacobian x is not determined more accurately.
 const ILL_CONDITIONED: f64 = 1e-6;
-/// Steps up to this many times what rounding errors were estimated to make are rounding errors.
+/// Steps up to this multiple of the estimated effect of rounding errors count as rounding errors.
 const AT_ROUNDING: f64 = 2.0;
 
 /// How a correction ended.
@@ -60,7 +60,7 @@ const AT_ROUNDING: f64 = 2.0;
 pub struct Correction {
     /// Whether both tolerances were met.
     pub converged: bool,
-    /// Number of iterations: steps with the factors of an earlier iterate count as the steps of Newton's method that come as near.
+    /// Number of iterations: chord steps count as the number of Newton steps that would reduce the error as much.
     pub iterations: usize,
     /// ‖H^(σ)‖₂ at the last iterate.
     pub residual_norm: f64,
@@ -72,7 +72,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// A corrector for maps of the shape of `map`.
     ///
     /// # Errors
-    /// Maps that have not one variable more than residuals.
+    /// Maps that do not have exactly one variable more than residuals.
     pub fn new<P: PiecewiseSmooth + ?Sized>(map: &P, solver: L) -> Result<Self, PiecewiseError> {
         let (m, n) = (map.num_vars(), map.num_residuals());
         if n == 0 || m != n + 1 {
@@ -207,7 +207,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.updates
     }
 
-    /// Assembles ∇H^(σ)(x) and factors it, so that its kernel is at hand.
+    /// Assembles ∇H^(σ)(x), factors it and computes its kernel.
     ///
     /// # Errors
     /// [`LinearError::Kernel`](crate::linear::LinearError::Kernel) where the kernel is not a line; entries outside the pattern;
@@ -278,7 +278,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(())
     }
 
-    /// Goes over to `selection` by updates where it differs from the one kept at one or two sites whose rows are known to be few.
+    /// Changes to `selection` by low-rank updates where it differs from the stored one at one or two sites whose rows are known to be few.
     fn update(
         &mut self,
         map: &dyn PiecewiseSmooth,
@@ -307,7 +307,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             self.assemble(map, &known, x)?;
         }
         updated.note(&self.jac, &self.changed_rows);
-        // Only the rows that change need be made.
+        // Only the rows that change are assembled.
         if !self.assemble_sites(map, &known, selection, x)? {
             self.assemble(map, selection, x)?;
         }
@@ -318,7 +318,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(self.updated.is_some())
     }
 
-    /// Assembles anew the rows of the sites in which the selections differ; false if the map does not offer that.
+    /// Reassembles the rows of the sites in which the selections differ; false if the map does not offer that.
     fn assemble_sites(
         &mut self,
         map: &dyn PiecewiseSmooth,
@@ -337,7 +337,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.check_stray().map(|()| true)
     }
 
-    /// One correction of x, where H^(σ)(x) = `r`, with the factors at hand if they are those of `selection` (affine pieces);
+    /// One correction of x, where H^(σ)(x) = `r`, with the stored factors if they are those of `selection` (affine pieces);
     /// false if they are not.
     pub(crate) fn refine(&mut self, selection: &Selection, r: &[f64], x: &mut [f64]) -> bool {
         if self.factored.as_ref() != Some(selection) {
@@ -378,9 +378,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
         }
     }
 
-    /// Corrects X = `x` towards the curve of the selection that `choose` puts in place at each iterate (leave it alone to
-    /// freeze it), and turns `t` into the tangent there. Ends when ‖H‖ and ‖ΔX‖ are less than the two `tolerances`, or ‖ΔX‖ at least no longer
-    /// than rounding errors of H make it, or after `max_iterations`.
+    /// Corrects X = `x` towards the curve of the selection, which `choose` may change at each iterate (or leave, to freeze it), and turns
+    /// `t` into the tangent there. Ends when ‖H‖ and ‖ΔX‖ are less than the two `tolerances`, or ‖H‖ is and ‖ΔX‖ is no longer than rounding
+    /// errors of H make it, or after `max_iterations`.
     ///
     /// # Errors
     /// Singular or non-finite linear systems, entries outside the pattern, vectors of other lengths, selections of other maps.
@@ -429,7 +429,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             residual_norm: norm(&self.r),
             step_norm: f64::INFINITY,
         };
-        // Steps with the factors at hand since they were made, and corrections before that.
+        // Chord steps with the present factors, and corrections before these.
         let (mut steps, mut before) = (0_usize, 0);
         let (mut chord, mut met) = (false, false);
         while met || outcome.iterations < max_iterations {
@@ -442,7 +442,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             let step = norm(&self.dx);
             if chord && (step.is_nan() || step > CONTRACTION * outcome.step_norm) {
                 if met {
-                    // As near as rounding lets these factors come.
+                    // As accurate as rounding permits with these factors.
                     break;
                 }
                 chord = false;
@@ -470,7 +470,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             }
             met = met
                 || measure(&self.r) < tol_residual && (step < tol_step || self.is_rounding(step, x, t)?);
-            // What chords leave is a share of their last step, what Newton's method leaves is far less.
+            // The error after chord steps is a fraction of the last step, after Newton steps far less.
             let left = QUADRATIC * tol_step;
             if met && (steps == 1 || !chord || step < left || self.is_rounding(step, x, t)?) {
                 break;
@@ -487,7 +487,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     }
 
     /// Solves H^(σ)(X) = 0 in the hyperplane `normal`·(X − `anchor`) = `s` (Keller's pseudo-arclength), from the guess X = `x`,
-    /// until steps no longer shrink: to rounding. `t` becomes the tangent there, oriented along `normal`.
+    /// until steps no longer shrink, that is, to rounding. `t` becomes the tangent there, oriented along `normal`.
     ///
     /// # Errors
     /// Singular or non-finite linear systems, vectors of other lengths, selections of other maps.
@@ -505,8 +505,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.correct_in_plane_on(&map, selection, (anchor, normal, s), x, Some(t))
     }
 
-    /// [`correct_in_plane`](Self::correct_in_plane) without the tangent, by chord steps with the last factors where they are of the same
-    /// selection and serve.
+    /// [`correct_in_plane`](Self::correct_in_plane) without the tangent, by chord steps with the last factors where they belong to the same
+    /// selection and the steps converge.
     pub(crate) fn correct_by_chords<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
@@ -517,8 +517,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.correct_in_plane_on(&map, selection, plane, x, None)
     }
 
-    /// Whether a step from x in the plane normal to `normal` is not longer than what rounding errors of H make with the factors at hand: ε
-    /// times the terms of each row, with alternating signs.
+    /// Whether a step from x in the plane normal to `normal` is no longer than the step that rounding errors of H cause with the stored
+    /// factors: ε times the terms of each row, with alternating signs.
     fn is_rounding(&mut self, step: f64, x: &[f64], normal: &[f64]) -> Result<bool, PiecewiseError> {
         if step.is_nan() || step > ILL_CONDITIONED * (1.0 + norm(x)) {
             return Ok(false);
@@ -578,7 +578,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
                 self.factor_at(selection, x, Some(normal))?;
             }
             self.bordered.solve(&self.r, normal, offset, &mut self.dx)?;
-            // Rounding errors tell nothing of the Jacobian.
+            // Steps that are rounding errors carry no information on the Jacobian.
             if chord && !self.is_rounding(norm(&self.dx), x, normal)? {
                 self.secants.turn(&mut self.dx);
             }
@@ -597,7 +597,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             let small = step <= STALLED * (1.0 + size);
             let rounding = step <= noise || (small || slow) && self.is_rounding(step, x, normal)?;
             if chord && slow && !rounding {
-                // Factors of a point too far away: from the guess again, unless chords have come near.
+                // The factors belong to a point too far away: restart from the guess, unless the chord steps have come near.
                 self.secants.clear();
                 if let Some(guess) = guess.take().filter(|_| outcome.iterations < 2) {
                     x.copy_from_slice(&guess);

@@ -16,7 +16,7 @@ pub enum Damping {
     Never,
 }
 
-/// Options of the corrector. The defaults need no touching.
+/// Options of the corrector. The defaults suit most problems.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(

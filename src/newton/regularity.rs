@@ -1,4 +1,4 @@
-//! What the factors at hand tell of a point on a curve: how far rounding may have moved it, and how fast ∇H loses its regularity.
+//! Estimates at a point of a curve from the stored factors: how far rounding may have moved it, and how fast ∇H approaches singularity.
 
 use super::MoorePenrose;
 use super::convergence::row_sizes;
@@ -8,7 +8,7 @@ use crate::sparse::{dot, norm};
 use crate::spread::centred;
 
 impl<L: LinearSolver> MoorePenrose<L> {
-    /// The correction of x within the hyperplane across `normal` that is still due, below the last bits of x: from H(x) and the last
+    /// The remaining correction of x within the hyperplane normal to `normal`, below the last bits of x: from H(x) and the last
     /// factors, which must be those of a point next to x.
     pub(crate) fn remainder<P: PiecewiseSmooth + ?Sized>(
         &mut self,
@@ -22,7 +22,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         solved.is_ok().then_some(self.dx.as_slice())
     }
 
-    /// ∇H dx = r with dx across t, by the last linearisation.
+    /// ∇H dx = r with dx normal to t, by the last linearisation.
     fn solve_across(&mut self, t: &[f64]) -> Result<(), LinearError> {
         match &mut self.updated {
             Some((_, updated)) if self.updated_at_hand => {
@@ -32,9 +32,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
         }
     }
 
-    /// What rounding errors of the terms of H make of a function with the given gradient at a point of a curve across `normal`: the square root
-    /// of the mean square over all signs of the errors, with the last factors, which must be those of a point next to x. `None` where nothing
-    /// can be told.
+    /// Effect of rounding errors in the terms of H on a function with the given gradient, at a point of the curve in a hyperplane normal to
+    /// `normal`: the root mean square over all signs of the errors, with the last factors, which must be those of a point next to x. `None`
+    /// where it cannot be estimated.
     pub(crate) fn rounding_of(&mut self, gradient: &[f64], x: &[f64], normal: &[f64]) -> Option<f64> {
         let (weights, terms) = (&mut self.errors.0, &mut self.r);
         self.bordered.solve_transpose(gradient, normal, weights).ok()?;
@@ -44,7 +44,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         mean.is_finite().then_some(mean)
     }
 
-    /// The least singular value of ∇H^(σ)(x) with its rows divided by `sizes`, from above, by inverse iteration; 0 where ∇H has no factors.
+    /// Upper estimate, by inverse iteration, of the least singular value of ∇H^(σ)(x) with its rows divided by `sizes`; 0 where the
+    /// factorisation fails.
     pub(crate) fn least_singular_value<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
@@ -76,10 +77,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(least)
     }
 
-    /// The rate at which the regularity of ∇H falls along the curve, relative to itself: −d ln m/ds of m = 1/‖∇H⁺ S v‖, S the row `sizes`,
+    /// The relative rate at which the regularity m of ∇H falls along the curve: −d ln m/ds with m = 1/‖∇H⁺ S v‖, S the row `sizes`,
     /// from the last factors, those of a point next to x with the tangent t, and one more Jacobian at a distance. Towards a simple
     /// singular point m falls linearly: it lies 1/rate ahead (or behind, where the rate is negative). `v` becomes that of the next step of
-    /// inverse iteration, so that m follows the least singular value. `None` where nothing can be told.
+    /// inverse iteration, so that m follows the least singular value. `None` where it cannot be estimated.
     #[allow(clippy::too_many_arguments)]
     pub(crate) fn decline<P: PiecewiseSmooth + ?Sized>(
         &mut self,
@@ -101,7 +102,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         }
         let mut solved = self.solve_here(t);
         if solved == Ok(false) {
-            // A singular point may be this near in a direction in which the corrections did not go: signs of determinants are to be those here.
+            // A singular point may be this near in a direction that the corrections did not take: signs of determinants must be those here.
             solved = self.factor_at(selection, x, Some(t)).map(|()| true);
             self.refined = false;
             if solved.is_ok() {
@@ -130,9 +131,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(rate.is_finite().then_some(rate))
     }
 
-    /// Two ways in which rounding may have moved a point x off the curve of a selection: the corrections that errors of one rounding of
-    /// the terms of each residual (and the residual itself) call for, with two patterns of signs. The variables have had the given
-    /// sizes. Orthogonal to `t`.
+    /// Two displacements by which rounding may have moved a point x off the curve of a selection: the corrections for errors of one
+    /// rounding of the terms of each residual (and for the residual itself), with two patterns of signs. `sizes` are those that the
+    /// variables have had so far. Orthogonal to `t`.
     ///
     /// # Errors
     /// As [`linearize`](Self::linearize).
@@ -211,8 +212,8 @@ mod tests {
         );
     }
 
-    /// After an update of rows it is that of the selection asked for, not of the one that was factored; corrections by its factors are its
-    /// own, too, not those of the one kept for updates.
+    /// After an update of rows it is that of the selection requested, not of the one that was factored; so are the corrections by its
+    /// factors.
     #[test]
     fn least_singular_values_are_those_of_the_selection() {
         let rows = [[2.0, 1.0, -1.0], [0.5, 1e-3, 1e-3]];

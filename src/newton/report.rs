@@ -44,14 +44,14 @@ pub enum Step {
     None,
 }
 
-/// Why an iteration ended well.
+/// Why an iteration ended with a solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Convergence {
     /// The tolerance was met.
     Tolerance,
-    /// The residual reached the rounding error of its own evaluation; no further digit is to be had.
+    /// The residual reached the rounding error of its own evaluation; no further digit can be gained.
     Rounding,
 }
 
@@ -71,7 +71,7 @@ pub enum Failure {
         /// ‖∇Hᵀ H‖₂ there.
         gradient_norm: f64,
     },
-    /// The Jacobian is singular at the last iterate, and so is every way round it.
+    /// The Jacobian is singular at the last iterate, and neither least-squares steps nor changes of pieces lead on from it.
     Singular,
     /// The map gave NaN or infinity, also for short steps.
     NotFinite,
@@ -134,9 +134,9 @@ impl Report {
     /// The observed order of convergence, log(r₃/r₂) / log(r₂/r₁), from the last three residual norms that lie above `floor` (rounding)
     /// and fell by full Newton steps on one selection.
     ///
-    /// `None` with fewer than three since the last site changed its piece: what residuals do while pieces change is no order, nor is it
-    /// where the last step solved an affine piece exactly. `None` also for an order below ¾: residuals fall at least linearly, of order 1,
-    /// unless they are rounding.
+    /// `None` with fewer than three since the last site changed its piece: the decrease while pieces change defines no order, nor does a
+    /// last step that solves an affine piece exactly. `None` also for an order below ¾: residuals fall at least linearly, of order 1,
+    /// unless they are rounding errors.
     #[must_use]
     pub fn observed_order(&self, floor: f64) -> Option<f64> {
         let entry = |i: &Iteration| Tail {
@@ -187,7 +187,7 @@ impl fmt::Display for Report {
 /// Orders below it are those of rounding; linear convergence, of order 1, is seen with some scatter.
 const SLOWEST: f64 = 0.75;
 
-/// What an entry of a history tells of the order of convergence.
+/// The data of a history's entry that determine the order of convergence.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tail {
     pub(crate) residual: f64,

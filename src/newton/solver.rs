@@ -69,7 +69,7 @@ impl<L: LinearSolver> Newton<L> {
         }
     }
 
-    /// The same for maps as they are: results do not depend on a [prescribed scale](PiecewiseSmooth::in_prescribed_scale).
+    /// The same without rescaling the map: a [prescribed scale](PiecewiseSmooth::in_prescribed_scale) is ignored.
     pub(crate) fn in_own_scale(mut self) -> Self {
         self.pieces.own_scale = true;
         self
@@ -95,7 +95,7 @@ impl<L: LinearSolver> Newton<L> {
 
     /// Solves H(x) = 0 from the start `x`, which is overwritten by the solution (on failure by the best iterate).
     ///
-    /// A map with one variable more than residuals is solved for the others, the last (the parameter) staying as it is. Where users
+    /// A map with one variable more than residuals is solved for all variables but the last, the parameter, which stays fixed. Where users
     /// prescribed a scale, the equation is solved [in that scale](PiecewiseSmooth::in_prescribed_scale).
     ///
     /// # Errors
@@ -174,7 +174,7 @@ impl<L: LinearSolver> Newton<L> {
     }
 }
 
-/// A corrector whose solver may be any.
+/// The corrector behind a trait object of the linear solver.
 struct Work<'n> {
     options: &'n NewtonOptions,
     solver: &'n mut dyn LinearSolver,

@@ -11,7 +11,7 @@ use crate::sparse::norm as norm2;
 /// Largest number of conjugate-gradient steps for the step at a singular Jacobian.
 const LEAST_SQUARES: usize = 200;
 
-/// What becomes of the trial point.
+/// An accepted step.
 pub(super) struct Advance {
     pub(super) damping: f64,
     pub(super) evaluation: Evaluation,
@@ -19,7 +19,7 @@ pub(super) struct Advance {
 }
 
 impl Run<'_> {
-    /// Puts the Newton direction into `d`; tells where there is none because the Jacobian is singular.
+    /// Puts the Newton direction into `d`; reports a singular Jacobian, for which there is none.
     pub(super) fn newton_direction(&mut self, jac: &Matrix) -> Result<Step, LinearError> {
         let leading = jac.leading_columns(self.n);
         if !self.work.analyzed {
@@ -50,9 +50,9 @@ impl Run<'_> {
         pairs.map(|(r, w)| (r * w).powi(2)).sum::<f64>().sqrt()
     }
 
-    /// Puts into `d` what up to `steps` steps of conjugate gradients make of min ‖W (H + ∇H d)‖² with the weights W (one step: steepest descent with
-    /// the best length; many: the shortest least-squares solution, also of a singular system). Returns ‖∇Hᵀ W² H‖ and the share of
-    /// ‖W H‖² that the linear model loses.
+    /// Puts into `d` the result of up to `steps` conjugate-gradient steps for min ‖W (H + ∇H d)‖² with the weights W (one step: steepest
+    /// descent with the optimal length; many: the shortest least-squares solution, also of a singular system). Returns ‖∇Hᵀ W² H‖ and the
+    /// share of ‖W H‖² by which the linear model decreases.
     fn descent_direction(&mut self, jac: &Matrix, steps: usize) -> (f64, f64) {
         let a = jac.leading_columns(self.n);
         let work = &mut *self.work;
@@ -117,7 +117,7 @@ impl Run<'_> {
                 .search(x, |_| f64::INFINITY, shortest)
                 .ok_or(Failure::NotFinite);
         }
-        // Only to come back into the domain of H are steps shortened here.
+        // Steps are shortened here only to return to the domain of H.
         if !singular
             && self.mode == Mode::Full
             && let Some(found) = self.search(x, |_| f64::INFINITY, self.options.min_damping)

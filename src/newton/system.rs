@@ -7,8 +7,8 @@ pub(super) trait System {
     fn evaluate(&mut self, x: &[f64], out: &mut [f64]) -> Evaluation;
     /// The point evaluated last becomes the iterate.
     fn accept(&mut self);
-    /// H(x) itself, each site using the piece in whose cell x lies, whatever the rule for the iterates. Call
-    /// [`accept`](Self::accept) to go on with these pieces.
+    /// H(x) with each site using the piece in whose cell x lies, whatever the rule for the iterates. Call
+    /// [`accept`](Self::accept) to continue with these pieces.
     fn natural(&mut self, x: &[f64], out: &mut [f64]);
     fn linearize(&mut self, x: &[f64], jac: &mut Matrix);
     /// From now on at most one site changes its piece at a time. False where there are no pieces.
@@ -53,7 +53,7 @@ impl PsSystem<'_> {
         self.map.test_functions(x, self.theta);
         self.trial.copy_from(self.selection);
         let changed = select_pieces(self.map, self.layout, self.theta, !self.fresh, 0.0, self.trial);
-        // At the start there is nothing to differ from: what is left of an earlier run does not count.
+        // The start has no previous selection: that of an earlier run does not count.
         if self.fresh { 0 } else { changed }
     }
 }
@@ -126,7 +126,7 @@ impl<S: Semismooth + ?Sized> System for SemismoothSystem<'_, S> {
     }
 
     fn fingerprint(&self) -> Option<u64> {
-        // One piece as it were: a residual that does not fall is trouble.
+        // A single selection: a residual that does not fall counts as cycling.
         Some(0)
     }
 }

@@ -2,11 +2,11 @@ use super::{NewtonError, Report};
 use crate::piecewise::PiecewiseError;
 use crate::sparse::{Matrix, Pattern};
 
-/// Everything a run needs room for.
+/// The arrays of a run.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Workspace {
     pub(super) jac: Option<Matrix>,
-    /// Whether the solver knows the pattern: it is not told before the first step, since a start may be a solution.
+    /// Whether the solver has analysed the pattern: not before the first step, since the start may be a solution.
     pub(super) analyzed: bool,
     pub(super) n: usize,
     pub(super) r: Vec<f64>,

@@ -10,7 +10,7 @@ use num_traits::{Num, One, Signed, Zero};
 use super::{ExactForm, Real};
 use crate::exact::Exact;
 
-/// Terms written beyond which a formula is given up.
+/// Largest number of terms written for a formula.
 const MAX_WORK: usize = 1 << 23;
 
 /// An affine form of few unknowns: a constant, and coefficients in the order of the unknowns.
@@ -62,7 +62,7 @@ impl Terms {
         }
     }
 
-    /// The form over so many unknowns, each in the place given.
+    /// The form over the given number of unknowns, each in the given place.
     pub(crate) fn form(&self, unknowns: usize, place: impl Fn(usize) -> usize) -> ExactForm {
         let mut form = ExactForm::zero(unknowns);
         form.constant = self.constant.clone();
@@ -78,7 +78,7 @@ impl Terms {
 pub(crate) enum Added {
     /// The value of a kink: one of the pieces, as the signs of the tests say.
     Kink { tests: Vec<Terms>, pieces: Vec<Terms> },
-    /// The quotient w of a form by a number: this form vanishes, in which w has a positive coefficient.
+    /// The quotient w of a form by a number, by a form that vanishes and in which w has a positive coefficient.
     Quotient(Terms),
 }
 
@@ -100,7 +100,7 @@ struct Written {
 /// A scalar of the evaluation.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Affine<'t> {
-    /// A number that was not rounded.
+    /// A number without rounding.
     Number(f64),
     /// A form on the tape.
     Form(&'t Tape, usize),
@@ -111,13 +111,13 @@ pub(crate) enum Affine<'t> {
 /// A formula in abs-normal form.
 #[derive(Debug)]
 pub(crate) struct AbsNormal {
-    /// Values, over the variables and what is added behind them.
+    /// Values, over the variables and the unknowns appended to them.
     pub(crate) values: Vec<Terms>,
     pub(crate) added: Vec<Added>,
 }
 
-/// The abs-normal form of a formula with so many values; `None` where it is not piecewise affine, or branches on values. The last variable is
-/// fixed where a value is given for it.
+/// The abs-normal form of a formula with the given number of values; `None` where it is not piecewise affine, or branches on values. The
+/// last variable is fixed where a value is given for it.
 pub(crate) fn abs_normal(
     variables: usize,
     fixed: Option<f64>,
@@ -160,7 +160,7 @@ impl Tape {
         Affine::Form(self, written.forms.len() - 1)
     }
 
-    /// Adds an unknown; the form that it is given by may contain it.
+    /// Adds an unknown; the form that defines it may contain it.
     fn add(&self, given: impl FnOnce(usize) -> Added) -> Affine<'_> {
         let unknown = {
             let mut written = self.written.borrow_mut();
@@ -258,7 +258,7 @@ impl<'t> Affine<'t> {
         form().unwrap_or(Self::Other)
     }
 
-    /// A decision by the value, of which nothing is known: the evaluation counts for nothing.
+    /// A branch on the value, which is not known: the evaluation is invalid.
     fn lose(self) {
         if let Self::Form(tape, _) = self {
             tape.written.borrow_mut().lost = true;

@@ -25,7 +25,7 @@ impl ActiveSet {
         Self::of_sites(0..layout.num_sites(), base, (map, layout, theta), vanishing)
     }
 
-    /// [`from_tests`](Self::from_tests) on the boundary of the cell of a selection that holds all its facets but those that vanish: at
+    /// [`from_tests`](Self::from_tests) on the boundary of the cell of a selection all of whose facets hold but those that vanish: at
     /// the other sites the active piece is known.
     pub(crate) fn beside<P: PiecewiseSmooth + ?Sized>(
         map: &P,

@@ -57,7 +57,7 @@ impl Real for Dual64 {
     }
 }
 
-/// A nonsmooth function written once over [`Real`], its kinks said through [`Kinks`]. [`Traced`] turns it into a
+/// A nonsmooth function written once over [`Real`], its kinks expressed through [`Kinks`]. [`Traced`] turns it into a
 /// [`PiecewiseSmooth`] map with exact Jacobians (forward-mode dual numbers).
 pub trait NonsmoothFunction {
     /// Number m of variables.
@@ -70,11 +70,11 @@ pub trait NonsmoothFunction {
     /// every x (where their number differs, [`Traced`] gives NaN). A kink may lie inside another.
     fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]);
 
-    /// Where Jacobians have entries, over all pieces. Default: found by tracing [`eval`](Self::eval) at two points, the zero vector and one
-    /// in (½, ¾)ᵐ, every kink counting as dependent on all of its arguments. A pattern of your own that lacks an entry is
-    /// refused ([`PiecewiseError::StrayEntry`](super::PiecewiseError::StrayEntry)) where the first Jacobian is evaluated. Where
-    /// [`eval`](Self::eval) branches without a kink, a branch that none of these points takes may have entries that are not seen, and
-    /// Jacobians there are wrong: give the pattern then.
+    /// The sparsity pattern of Jacobians, over all pieces. Default: found by tracing [`eval`](Self::eval) at two points, the zero vector
+    /// and one in (½, ¾)ᵐ, every kink counting as dependent on all of its arguments. A pattern of your own that lacks an entry is refused
+    /// ([`PiecewiseError::StrayEntry`](super::PiecewiseError::StrayEntry)) where the first Jacobian is evaluated. Where
+    /// [`eval`](Self::eval) branches without a kink, a branch that neither point takes may have entries that are not found, and Jacobians
+    /// there are wrong: give the pattern then.
     fn pattern(&self) -> Pattern {
         let (n, m) = (self.num_residuals(), self.num_vars());
         let mut entries = Vec::new();
@@ -87,12 +87,12 @@ pub trait NonsmoothFunction {
         Pattern::from_entries(n, m, entries).unwrap_or_else(|_| Pattern::full(n, m))
     }
 
-    /// Typical sizes of the variables, as [`PiecewiseSmooth::typical_sizes`]. Default: left as they are.
+    /// Typical sizes of the variables, as [`PiecewiseSmooth::typical_sizes`]. Default: unchanged.
     fn typical_sizes(&self, _sizes: &mut [f64]) {}
 
-    /// Whether the function is affine but for its kinks, in all variables (the parameter among them), and so are the arguments of the
-    /// kinks: its curves are then polygons, from corner to corner in one step. Where this is said of another function its curves are wrong;
-    /// where a kink lies inside another, it is not made use of. Default: `false`.
+    /// Whether the function is affine apart from its kinks, in all variables (the parameter among them), and so are the arguments of the
+    /// kinks: its curves are then polygons, followed from vertex to vertex in one step. If this is declared wrongly, curves are wrong;
+    /// if a kink lies inside another, it is ignored. Default: `false`.
     fn is_piecewise_affine(&self) -> bool {
         false
     }
@@ -102,7 +102,7 @@ pub trait NonsmoothFunction {
         None
     }
 
-    /// Name of a piece of a site. Default: none, it is that of the kind of kink ("first", "second", "lower", "interior", "upper").
+    /// Name of a piece of a site. Default: none, the name comes from the kind of kink ("first", "second", "lower", "interior", "upper").
     fn piece_name(&self, _site: usize, _piece: usize) -> Option<Cow<'_, str>> {
         None
     }
@@ -144,8 +144,8 @@ enum Mode<'a> {
     Joined,
     /// Every kink as an unknown.
     Switched,
-    /// All pieces at once, each site with the index behind those of the variables, of which the labels begin at `first`; the labels of the
-    /// test functions go to the list.
+    /// All pieces at once; sites are indexed after the variables, labels begin at the index `first`, and the labels of the test functions
+    /// go to the list.
     Labelled {
         behind: usize,
         first: usize,
@@ -219,7 +219,7 @@ impl<'a, T: Real> Kinks<'a, T> {
                 tests: list,
             } => {
                 list.extend(tests.iter().map(T::labels));
-                // Sites are counted behind the variables; those before the window have no label.
+                // Sites are indexed after the variables; those before the window have no label.
                 let label = (*behind + site).checked_sub(*first);
                 return pieces[0].joined(&pieces, label.filter(|l| *l < LABELS));
             }
@@ -280,9 +280,9 @@ impl<'a, T: Real> Kinks<'a, T> {
 
     /// The projection of z on [lower, upper]; pieces "lower", "interior", "upper"; test functions z − lower and z − upper.
     ///
-    /// lower ≤ upper must hold at every x that anything is evaluated at, not at solutions alone: where bounds cross, the cells of "lower" and
-    /// "upper" overlap and [`check`](super::check) refuses the map. A bound that may become negative, F θ of Coulomb's friction with
-    /// the pressure θ, is cut off at 0: `let g = kinks.positive_part(theta) * f; kinks.project(-g, z, g)`. The
+    /// lower ≤ upper must hold at every x of an evaluation, not only at solutions: where bounds cross, the cells of "lower" and
+    /// "upper" overlap and [`check`](super::check) refuses the map. A bound that may become negative, F θ of Coulomb friction with
+    /// the pressure θ, must be cut off at 0: `let g = kinks.positive_part(theta) * f; kinks.project(-g, z, g)`. The
     /// [guide](crate::guide::your_own_map) has the whole law.
     pub fn project(&mut self, lower: T, z: T, upper: T) -> T {
         let tests = [z - lower, z - upper];
@@ -299,11 +299,11 @@ impl<'a, T: Real> Kinks<'a, T> {
 
 /// A [`NonsmoothFunction`] as a [`PiecewiseSmooth`] map.
 ///
-/// Where it is piecewise affine it [states its coefficients](PiecewiseSmooth::exact): lists of its solutions are proven, and of its arms where
-/// it is affine in the parameter, too. For that it is evaluated over affine forms in exact arithmetic, every kink an unknown of its own (the
-/// abs-normal form, Griewank 2013). The numbers in the formula count as they are stored; quotients by numbers are not rounded. It
-/// states nothing where it branches on [`value`](Real::value), calls `abs` or anything curved, or does arithmetic among numbers of type `T`
-/// alone that has to round (`T::from(1.0) / 3.0`).
+/// Where it is piecewise affine it gives its [exact coefficients](PiecewiseSmooth::exact): lists of its solutions are proven complete, and
+/// of its arms where it is affine in the parameter, too. For this it is evaluated over affine forms in exact arithmetic, with an unknown
+/// for every kink (the abs-normal form, Griewank 2013). The numbers in the formula count as they are stored; quotients by numbers are not
+/// rounded. It gives none where it branches on [`value`](Real::value), calls `abs` or any nonlinear smooth function, or does arithmetic
+/// among constants of type `T` that has to round (`T::from(1.0) / 3.0`).
 ///
 /// ```
 /// use semismooth::newton::Newton;
@@ -404,7 +404,7 @@ impl<F: NonsmoothFunction> Traced<F> {
     /// Adds the entries of ∇H^(σ)(x) in the rows that `wanted` names, one evaluation for all columns of a colour.
     fn derivatives(&self, selection: &Selection, x: &[f64], wanted: Option<&[usize]>, jac: &mut Matrix) {
         if !self.checked.load(Ordering::Relaxed) {
-            // Columns of one colour would hide an entry that the pattern lacks in another.
+            // Within one colour, an entry missing from the pattern would be attributed to another column.
             let stray = lacking(&self.pattern, x, &mut |x, _, out| {
                 self.function.eval(x, &mut Kinks::new(Mode::Joined), out);
             });
@@ -435,7 +435,7 @@ impl<F: NonsmoothFunction> Traced<F> {
         }
     }
 
-    /// Derivatives of all test functions, perhaps those of a selection, along a direction.
+    /// Derivatives of all test functions, or of those of a selection, along a direction.
     fn test_slopes(&self, selection: Option<&Selection>, seeded: &[Dual64], out: &mut [f64]) {
         let mut residual = vec![Dual64::from(0.0); self.num_residuals()];
         let mut kinks = Kinks::new(match selection {
@@ -537,7 +537,7 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
     }
 
     fn is_piecewise_affine(&self) -> bool {
-        // The test functions of a kink outside of another are affine on its pieces only.
+        // The test functions of an outer kink are affine on the pieces of the inner one only.
         self.function.is_piecewise_affine() && !self.nested
     }
 
@@ -650,13 +650,13 @@ impl<F: NonsmoothFunction> Traced<F> {
     }
 }
 
-/// The kinks, and quotients by numbers, are unknowns behind those of the map: the abs-normal form (Griewank 2013).
+/// The kinks, and quotients by numbers, are unknowns after those of the map: the abs-normal form (Griewank 2013).
 impl<F: NonsmoothFunction> ExactPieces for Traced<F> {
     fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
         let (n, m) = (self.num_residuals(), self.num_vars());
         let fixed = self.has_parameter().then_some(alpha);
         let found = self.abs_normal(None).or_else(|| self.abs_normal(Some(fixed?)))?;
-        // Behind the variables come the kinks and quotients; a parameter is no unknown.
+        // After the variables come the kinks and quotients; a parameter is no unknown.
         let own = m - usize::from(fixed.is_some());
         let unknowns = own + found.added.len();
         let count = |a: &Added| match a {

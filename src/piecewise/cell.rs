@@ -3,7 +3,7 @@
 /// * `positive(k)`: θ_k > 0 inside the cell,
 /// * `negative(k)`: θ_k < 0 inside the cell.
 ///
-/// A *wall* is a facet with nothing behind it: where it is violated the map has no piece, and a solution curve that reaches it
+/// A *wall* is a facet without a piece beyond it: where it is violated the map is not defined, and a solution curve that reaches it
 /// ends (a coefficient of friction that becomes negative, the argument of a logarithm).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Facet {
@@ -45,7 +45,7 @@ impl Facet {
         self.test as usize
     }
 
-    /// Whether there is no piece behind this facet.
+    /// Whether there is no piece beyond this facet.
     #[must_use]
     pub const fn is_wall(self) -> bool {
         self.wall

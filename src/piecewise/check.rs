@@ -43,15 +43,15 @@ use session::Session;
 pub struct CheckOptions {
     /// Largest deviation of a derivative from its difference quotient, relative to its size. Default 1e-5.
     pub tolerance: f64,
-    /// Largest jump of a residual at a kink, relative to the residuals met on the way there. Default 1e-8.
+    /// Largest jump of a residual at a kink, relative to the residuals there and at the samples on both sides. Default 1e-8.
     pub continuity_tolerance: f64,
-    /// Most selections examined at a point. If there are more, those that differ in one site from the selection there are
-    /// examined, all of them. Default 64.
+    /// Largest number of selections examined at a point. If there are more, all those that differ in one site from the selection there
+    /// are examined instead. Default 64.
     pub max_selections: usize,
     /// Number of findings at which the check ends. Default 20.
     pub max_findings: usize,
-    /// Whether selections are examined at points outside their cells too, where correctors may evaluate them. Where they are
-    /// not finite there they are passed over. Default true.
+    /// Whether selections are examined also at points outside their cells, where correctors may evaluate them. Points at which they
+    /// are not finite are skipped. Default true.
     pub beyond_cells: bool,
 }
 
@@ -99,14 +99,14 @@ impl CheckOptions {
     }
 }
 
-/// How much a [`check`] has seen: a pass means little where these numbers are small.
+/// How much a [`check`] has examined: a pass means little where these numbers are small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CheckReport {
     /// Samples inside the domain.
     pub points: usize,
-    /// Samples behind a wall, passed over.
+    /// Samples beyond a wall, skipped.
     pub outside: usize,
     /// Selections whose Jacobian was compared with difference quotients, over all points.
     pub selections: usize,
@@ -135,9 +135,9 @@ impl fmt::Display for CheckReport {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum FindingKind {
-    /// A number or an index that cannot be.
+    /// A number or an index out of range.
     Structure,
-    /// A point lies in the cell of no piece, and behind no wall.
+    /// A point lies in the cell of no piece, and beyond no wall.
     Gap,
     /// A point lies in the cells of several pieces.
     Overlap,
@@ -151,11 +151,11 @@ pub enum FindingKind {
     TestDerivatives,
     /// `test_gradient` is not the gradient of the test function.
     TestGradient,
-    /// `tests_of_selection` are in the cell of the selection not the test functions, or their rates not their derivatives.
+    /// `tests_of_selection` differ from the test functions in the cell of the selection, or their rates from their derivatives.
     SelectionTests,
     /// A row outside `site_rows` depends on the piece of the site.
     SiteRows,
-    /// The map says it is piecewise affine, and is not.
+    /// The map is declared piecewise affine, and is not.
     Affine,
     /// A value is NaN or infinite.
     NotFinite,
@@ -199,7 +199,7 @@ pub struct Finding {
     pub piece: Option<(usize, String)>,
     /// Row and column; for test functions the number of the test at its site and the variable.
     pub entry: Option<(usize, usize)>,
-    /// The value that would be right.
+    /// The expected value.
     pub expected: f64,
     /// The value found.
     pub found: f64,
@@ -240,7 +240,7 @@ pub enum CheckError {
     /// There is no sample, or none inside the domain.
     #[error("there is no sample inside the domain of the map ({outside} outside)")]
     NoSamples {
-        /// Samples behind walls.
+        /// Samples beyond walls.
         outside: usize,
     },
     /// A sample has the wrong length or is not finite.
@@ -276,7 +276,7 @@ fn list(findings: &[Finding]) -> String {
 /// sample.
 ///
 /// # Errors
-/// [`CheckError::Findings`] with all that is wrong with the map; the others say what is wrong with the call.
+/// [`CheckError::Findings`] with all errors of the map; the other variants are errors of the call.
 pub fn check<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     samples: &[Vec<f64>],
@@ -297,7 +297,7 @@ fn check_map(
     }
     let mut session = Session::new(map, samples, options);
     session.structure();
-    // Nothing can be evaluated safely on an impossible structure.
+    // With a wrong structure nothing can be evaluated safely.
     if session.findings.is_empty() {
         session.run();
     }
@@ -312,7 +312,7 @@ fn check_map(
     }
 }
 
-/// What [`check_semismooth`] has seen.
+/// The result of [`check_semismooth`].
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -320,24 +320,24 @@ pub struct SemismoothReport {
     /// Number of samples examined.
     pub points: usize,
     /// At each sample the p for which ‖H(x + d) − H(x) − J(x + d) d‖ falls as ‖d‖^(1 + p), measured between 2⁻⁶ and 2⁻²⁰ of the sizes of the
-    /// variables in the row that falls slowest: the order of semismoothness, but for maps that are better than smooth ones in the
-    /// directions tried. 1: Newton's method converges quadratically. `None` where the remainder is rounding, as of affine pieces.
+    /// variables in the row that falls slowest: the order of semismoothness, unless the remainder falls faster in the directions tried
+    /// than in others. 1: Newton's method converges quadratically. `None` where the remainder is rounding, as for affine pieces.
     pub orders: Vec<Option<f64>>,
 }
 
 /// Tests a Newton derivative: whether [`Semismooth::jacobian`] makes H semismooth at given samples, and of which order.
 ///
 /// A semismooth map has ‖H(x + d) − H(x) − J(x + d) d‖ = o(‖d‖), one of order p has O(‖d‖^(1 + p)) (L. Qi, J. Sun, Math. Program. 58 (1993);
-/// M. Ulbrich, *Semismooth Newton Methods* (2011), section 2). This is measured in 8 directions at 15 distances. Samples on kinks tell most;
-/// at smooth points the order is 1 or the remainder rounding. At points next to the samples, which are in general position, where H is
-/// differentiable, entries are compared with difference quotients: a wrong one is named with its row and column.
+/// M. Ulbrich, *Semismooth Newton Methods* (2011), section 2). This is measured in 8 directions at 15 distances. Samples on kinks test
+/// most; at smooth points the order is 1 or the remainder rounding. At points in general position next to the samples, where H is
+/// differentiable, entries are compared with difference quotients: a wrong one is reported with its row and column.
 ///
-/// Over these distances an order of 0.1 or less cannot be told from none, and counts as none. Of the options `tolerance` and `max_findings`
-/// count. Cost: 120 + 64 n residuals and 128 Jacobians a sample. Points at which the map is not
-/// finite are passed over, but for the samples themselves.
+/// Over these distances an order of 0.1 or less cannot be distinguished from 0, and counts as none. Of the options only `tolerance` and
+/// `max_findings` are used. Cost: 120 + 64 n residuals and 128 Jacobians a sample. Points at which the map is not
+/// finite are skipped, except the samples themselves.
 ///
 /// # Errors
-/// [`CheckError::Findings`] with all that is wrong with the map; the others say what is wrong with the call.
+/// [`CheckError::Findings`] with all errors of the map; the other variants are errors of the call.
 ///
 /// ```
 /// use semismooth::piecewise::{Semismooth, check::{CheckOptions, check_semismooth}};

@@ -83,7 +83,7 @@ pub(super) fn pointed_into(
     map.test_derivatives(x, d, &mut rates);
     let mut selection = entered(map, layout, active, &rates);
     if map.has_nested_kinks() {
-        // Outer kinks follow inner ones, which are right after as many rounds as they are deep.
+        // Outer kinks depend on inner ones: as many rounds as kinks are nested determine all.
         for _ in active.degenerate_sites() {
             map.tests_of_selection(&selection, x, Some(d), &mut rates);
             let next = entered(map, layout, active, &rates);
@@ -150,7 +150,7 @@ pub enum CoherentOrientation {
         /// Selections active, if the number does not overflow.
         total: Option<u128>,
     },
-    /// Not decided: the sign of a selection is not known, or differs and it is not known to have, or to lack, points near x.
+    /// Not decided: the sign of a selection is not known, or it differs and it is not known whether its cell has points near x.
     Doubtful {
         /// That selection.
         selection: Selection,
@@ -174,9 +174,9 @@ impl fmt::Display for CoherentOrientation {
 /// Examines up to `cap` active selections at x for coherent orientation of ∇_yH (the first n columns of ∇H).
 ///
 /// Signs are those of an LU factorisation in floating-point numbers. Where rounding may decide (a reciprocal condition number, rows and
-/// columns equilibrated so that units of H and y do not matter, below 1e-10 and some roundings a row), those of maps that state
-/// [exact](PiecewiseSmooth::exact) coefficients are decided in exact arithmetic, up to 200 rows and some tenths of a second. Of other maps a
-/// matrix counts as singular, sign 0, where that number is below 1e-14; [`bd_regularity`](super::bd_regularity) asks for 1e-11.
+/// columns equilibrated so that units of H and y do not matter, below 1e-10 and some roundings a row), those of maps that give
+/// [exact](PiecewiseSmooth::exact) coefficients are decided in exact arithmetic, up to 200 rows and some tenths of a second. For other maps
+/// a matrix counts as singular, sign 0, where that number is below 1e-14; [`bd_regularity`](super::bd_regularity) requires 1e-11.
 ///
 /// # Errors
 /// Wrong lengths, maps with neither m = n nor m = n + 1, Jacobians that are not finite, and matrices so large that no determinant

@@ -6,12 +6,12 @@ use crate::exact::{Exact, determinant_sign};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::{Matrix, MatrixRef};
 
-/// Reciprocal condition, rows and columns equilibrated, below which the sign of a factorisation is not believed where an exact one is to be
-/// had. The rounding of a factorisation of order n is some n ε, times the growth of its entries.
+/// Reciprocal condition, rows and columns equilibrated, below which the sign of a factorisation is replaced by an exact one where that is
+/// available. The rounding of a factorisation of order n is some n ε, times the growth of its entries.
 const NEAR: f64 = 1e-10;
 /// Allowance for that growth, for the rounding of the entries and for the error of the estimated condition.
 const ALLOWANCE: f64 = 1e3;
-/// Rows up to which exact coefficients, in full matrices, are asked for.
+/// Largest number of rows for exact coefficients, which are stored in full matrices.
 const ROWS: usize = 200;
 /// Numbers written in exact arithmetic for one verdict, long ones counted as many: some tenths of a second.
 const WORK: u64 = 4_000_000;
@@ -37,7 +37,7 @@ pub(super) struct Determinants<'a> {
 }
 
 impl<'a> Determinants<'a> {
-    /// A reciprocal condition below `singular` counts as singular, unless exact arithmetic is asked for and the map states its coefficients.
+    /// A reciprocal condition below `singular` counts as singular, unless exact arithmetic is requested and the map gives its coefficients.
     pub(super) fn new(
         map: &'a dyn PiecewiseSmooth,
         x: &[f64],
@@ -79,7 +79,7 @@ impl<'a> Determinants<'a> {
         })
     }
 
-    /// A regular selection examined last.
+    /// The regular selection examined last, with the factors of its matrix if the solver holds them.
     pub(super) fn examined<'s>(&'s mut self, selection: &'s Selection) -> Examined<'s> {
         Examined {
             solver: self.factored.then_some(&mut self.solver),
@@ -108,7 +108,7 @@ pub(crate) fn near(n: usize) -> f64 {
 pub(crate) struct ExactSigns<'a> {
     map: &'a dyn PiecewiseSmooth,
     parameter: f64,
-    /// Asked for once they are needed.
+    /// Obtained from the map once they are needed.
     conditions: Option<ExactConditions>,
     work: u64,
 }

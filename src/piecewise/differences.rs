@@ -1,4 +1,4 @@
-//! Central differences of test functions, for maps that do not bring derivatives.
+//! Central differences of test functions, for maps that do not give derivatives.
 
 use super::{PiecewiseSmooth, TestLayout};
 use crate::sparse::max_abs;

@@ -26,8 +26,8 @@ pub struct BElement {
 /// variables count, the parameter of a curve included.
 ///
 /// Selections come in lexicographic order; those whose cells have no points near x are left out, and different selections may have one
-/// matrix. Test functions with |θ(x)| ≤ `tolerance` count as vanishing. Nothing is evaluated before the element is asked for: of 2⁵⁰
-/// active selections take the first few.
+/// matrix. Test functions with |θ(x)| ≤ `tolerance` count as vanishing. The iterator is lazy: of 2⁵⁰ active selections take the first
+/// few.
 ///
 /// # Errors
 /// A wrong length of x or values in it that are not finite. Elements are errors where a Jacobian has an entry outside the pattern or one
@@ -113,7 +113,7 @@ pub fn clarke_element<P: PiecewiseSmooth + ?Sized>(
     if weights.iter().any(|w| w.1 < 0.0) {
         return no("a weight is negative");
     }
-    // NaN is no sum.
+    // A sum that is NaN is refused, too.
     let is_one = (sum - 1.0).abs() <= SUM;
     if !is_one {
         return no("the weights do not sum to 1");

@@ -12,7 +12,7 @@ pub enum PiecewiseError {
     Length {
         /// Which vector.
         what: &'static str,
-        /// Length asked for.
+        /// Length required.
         expected: usize,
         /// Length given.
         found: usize,
@@ -52,7 +52,7 @@ pub enum PiecewiseError {
         vars: usize,
         /// Number of residuals.
         residuals: usize,
-        /// What would fit.
+        /// The dimensions required.
         expected: &'static str,
     },
     /// A typical size of a variable is not positive.
@@ -111,7 +111,7 @@ pub(crate) fn check_selection<P: PiecewiseSmooth + ?Sized>(
     Ok(())
 }
 
-/// Checks the length of a vector without a look at its entries.
+/// Checks the length of a vector, not its entries.
 pub(crate) fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), PiecewiseError> {
     match found == expected {
         true => Ok(()),

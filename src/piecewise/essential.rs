@@ -67,9 +67,9 @@ fn essential_activity_of(
     Ok(open_cone(&normals, max_steps))
 }
 
-/// Is there a d with g·d > 0 for all unit vectors g? The point w of their convex hull nearest to 0 tells: either w itself serves
-/// as d, or it is 0. Pairwise steps of Frank and Wolfe move weight from the g that helps least to the one that helps most; they
-/// converge linearly, faces with 0 in them included (Lacoste-Julien and Jaggi 2015).
+/// Is there a d with g·d > 0 for all unit vectors g? The point w of their convex hull nearest to 0 decides: either d = w is one, or
+/// w = 0 and there is none. Pairwise Frank–Wolfe steps move weight from the worst g to the best one; they
+/// converge linearly, also where 0 lies in a face (Lacoste-Julien and Jaggi 2015).
 pub(crate) fn open_cone(normals: &[Vec<f64>], max_steps: usize) -> Activity {
     const ZERO: f64 = 1e-12;
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();

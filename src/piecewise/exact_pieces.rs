@@ -12,7 +12,7 @@ pub struct ExactForm {
 }
 
 impl ExactForm {
-    /// The form 0 of so many unknowns.
+    /// The form 0 of the given number of unknowns.
     #[must_use]
     pub fn zero(unknowns: usize) -> Self {
         Self {
@@ -44,12 +44,12 @@ impl ExactForm {
     }
 }
 
-/// What holds where a piece is active at its site.
+/// The conditions that hold where a piece is active at its site.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ExactPiece {
     /// Number of the piece in the map.
     pub piece: usize,
-    /// Forms of the site (by number) that vanish, each with the row of the map that it stands for: the signs of determinants are those
+    /// Forms of the site (by number) that vanish, each with the row of the map that it replaces: the signs of determinants are those
     /// of the matrix of these rows, in this order.
     pub equalities: Vec<(usize, usize)>,
     /// Forms of the site with their signs: ≥ 0 for +1, ≤ 0 for −1.
@@ -70,10 +70,11 @@ pub struct ExactSite {
 /// A piecewise-affine system: the common forms vanish, and at every site all conditions of one of its pieces hold.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct ExactConditions {
-    /// Number of unknowns y. There may be more than the map has: those behind it are auxiliary, each a function of the unknowns before it that
-    /// the row of the same number gives, with a positive coefficient, whichever piece is chosen. (Determinants then have the signs of the map's.)
+    /// Number of unknowns y. There may be more than the map has: the additional ones are auxiliary, each a function of the unknowns before
+    /// it, given by the row of the same number with a positive coefficient, whichever piece is chosen. (Determinants then have the signs of
+    /// the map's.)
     pub unknowns: usize,
-    /// Rows common to all pieces: those that no equality stands for, in their order.
+    /// Rows common to all pieces: those that no equality of a piece replaces, in their order.
     pub common: Vec<ExactForm>,
     /// The sites in their order.
     pub sites: Vec<ExactSite>,
@@ -83,9 +84,9 @@ pub struct ExactConditions {
 
 /// Piecewise-affine maps that give their coefficients exactly, so that lists of their solutions can be proven complete.
 ///
-/// The conditions are those of the solutions of H(y, α) = 0 and need not be those of the map off its solutions: 0 ≤ y ⟂ w ≥ 0 is stated
-/// by y and w, in no units and with no augmentation parameter. Give what is stored, and sums and products of it without rounding: pieces
-/// made of rounded products disagree on the facet between them, and hold points that are none or twice.
+/// The conditions are those of the solutions of H(y, α) = 0 and need not be those of the map off its solutions: 0 ≤ y ⟂ w ≥ 0 is given
+/// by y and w, without units and without an augmentation parameter. Give stored numbers, and sums and products of them without rounding:
+/// pieces made of rounded products disagree on the facet between them, so that solutions there are lost or counted twice.
 pub trait ExactPieces {
     /// The conditions at a parameter α (ignored by equations); `None` where coefficients are not known exactly.
     fn conditions(&self, alpha: f64) -> Option<ExactConditions>;
@@ -97,7 +98,7 @@ pub trait ExactPieces {
         false
     }
 
-    /// Of the law of an [`Interface`](crate::interface::Interface), in its variables (v, λ): forms g with λᵀ g ≤ 0 at all solutions, from
+    /// For the law of an [`Interface`](crate::interface::Interface), in its variables (v, λ): forms g with λᵀ g ≤ 0 at all solutions, from
     /// which bounds of λ follow. Default: `None`.
     fn passive(&self, _alpha: f64) -> Option<Vec<ExactForm>> {
         None

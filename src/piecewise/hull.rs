@@ -30,7 +30,7 @@ pub(super) enum Hull {
     Open,
 }
 
-/// What is known of the hull of regular matrices; those that are not certain may not belong to it.
+/// What is known of the hull of regular matrices; those marked as not certain may not belong to the set.
 pub(super) fn search(elements: &[Element], cap: u64) -> Result<Hull, PiecewiseError> {
     let [first, rest @ ..] = elements else {
         return Ok(Hull::Regular);
@@ -66,8 +66,8 @@ pub(super) fn search(elements: &[Element], cap: u64) -> Result<Hull, PiecewiseEr
     segments(elements, sign, cap)
 }
 
-/// Whether all matrices made of rows of the given ones, each row of any of them, have determinants of one sign, which the given ones have.
-/// No two of these are the same.
+/// Whether all matrices whose rows are each taken from any of the given ones have determinants of one sign, which the given ones have.
+/// The given matrices are distinct.
 fn mixtures<'m>(
     matrices: impl Iterator<Item = &'m Matrix> + Clone,
     sign: i8,
@@ -121,7 +121,7 @@ fn mixtures<'m>(
     Ok(true)
 }
 
-/// A⁻¹ B as a full matrix, and the reciprocal condition of A; `None` where rounding spoils it.
+/// A⁻¹ B as a full matrix, and the reciprocal condition of A; `None` where it is inaccurate by rounding.
 fn quotient(a: &Matrix, b: &Matrix) -> Result<Option<(Matrix, f64)>, PiecewiseError> {
     let n = a.nrows();
     let mut solver = AutoSolver::default();
@@ -160,7 +160,7 @@ fn times(a: &Matrix, b: &Matrix) -> (Matrix, f64) {
     (product, 2.0 * (n as f64 + 2.0) * f64::EPSILON * largest)
 }
 
-/// Whether the inverse of their mean, or what is computed for it, makes the symmetric parts of all matrices definite.
+/// Whether the computed inverse of their mean makes the symmetric parts of all products with the matrices definite.
 fn definite(elements: &[Element]) -> Result<bool, PiecewiseError> {
     let n = elements[0].matrix.nrows();
     let mut mean = elements[0].matrix.clone();
@@ -183,8 +183,8 @@ fn definite(elements: &[Element]) -> Result<bool, PiecewiseError> {
     Ok(true)
 }
 
-/// Looks for a determinant of the other sign between each two of the matrices, and then at random combinations. (1 − t) A + t B is singular
-/// exactly where A⁻¹B has the eigenvalue −(1 − t)/t.
+/// Looks for a determinant of the other sign on the segment between any two of the matrices, and then at random combinations. (1 − t) A + t
+/// B is singular exactly where A⁻¹B has the eigenvalue −(1 − t)/t.
 fn segments(elements: &[Element], sign: i8, cap: u64) -> Result<Hull, PiecewiseError> {
     let pairs = (0..elements.len()).flat_map(|j| (0..j).map(move |i| [i, j]));
     let mut mixture = Mixture::new(elements)?;

@@ -13,10 +13,10 @@ use std::fmt;
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ImplicitFunction {
-    /// Whether they are one Lipschitz function of α, for all small perturbations of H, too. Its constant is max over the active selections σ of
-    /// ‖(∇_yH^(σ))⁻¹ ∂_αH^(σ)‖∞, in the limit of small neighbourhoods; directions of [`LocalUniqueness::Winds`] are those of (y, α).
+    /// Whether they are one Lipschitz function of α, also for all small perturbations of H. Its constant is max over the active selections
+    /// σ of ‖(∇_yH^(σ))⁻¹ ∂_αH^(σ)‖∞, in the limit of small neighbourhoods; directions of [`LocalUniqueness::Winds`] are those of (y, α).
     pub verdict: LocalUniqueness,
-    /// y'(α; +1), the derivative as α grows (length n), where the verdict is [`LocalUniqueness::Lipschitz`] and rounding leaves it known.
+    /// y'(α; +1), the derivative as α grows (length n), where the verdict is [`LocalUniqueness::Lipschitz`] and rounding permits it.
     pub right: Option<Vec<f64>>,
     /// y'(α; −1), the derivative as α falls: at smooth points −y'(α; +1).
     pub left: Option<Vec<f64>>,
@@ -100,7 +100,7 @@ fn implicit_function_of(
     let cones = Cones::new(Box::new(map), x, &active, m);
     let mut jac = Matrix::zeros(map.pattern());
     let mut constant = 0.0_f64;
-    // Of both directions of α the selection into whose cell the rate points most.
+    // For both directions of α: the selection into whose cell the rate points most.
     let mut best: [(f64, Option<Vec<f64>>); 2] = [(-CLEAR, None), (-CLEAR, None)];
     let signs = examine(&cones, &active, cap, (SINGULAR, false), &mut |found| {
         let selection = found.selection;
@@ -126,7 +126,7 @@ fn implicit_function_of(
     Ok(ImplicitFunction { verdict, right, left })
 }
 
-/// −(∇_yH^(σ))⁻¹ ∂_αH^(σ); `None` where rounding spoils it.
+/// −(∇_yH^(σ))⁻¹ ∂_αH^(σ); `None` where it is inaccurate by rounding.
 fn rate_of(
     map: &dyn PiecewiseSmooth,
     x: &[f64],

@@ -10,26 +10,26 @@ use crate::sparse::Matrix;
 /// Singular values below this part of the largest one belong to the kernel.
 const KERNEL: f64 = 1e-9;
 
-/// Directions that are taken to one value, with the signs of their selections.
+/// Directions with one image, with the signs of their selections.
 type Preimages = Vec<(Vec<f64>, i8)>;
 
 /// The local index of an isolated solution x: the topological degree of y ↦ H(y, α) on small neighbourhoods. `None` where it is not known.
 ///
-/// Where the B-derivative takes no direction but 0 to 0, x is isolated, and its index is the degree of the B-derivative (its homotopy to
+/// Where 0 is the only zero of the B-derivative, x is isolated, and its index is the degree of the B-derivative (its homotopy to
 /// H has no other zero near x; J.-S. Pang, D. Ralph, Math. Oper. Res. 21 (1996)): for almost every value v, Σ sign det ∇_yH^(σ) over all σ
-/// whose cells hold the direction (∇_yH^(σ))⁻¹ v. At smooth points this is the sign of the determinant, at a fold 0, and two facets of a
+/// whose cells contain the direction (∇_yH^(σ))⁻¹ v. At smooth points this is the sign of the determinant, at a fold 0, and two facets of a
 /// branching can give ±2. On a region without solutions on its boundary the degree of H is the sum of the indices in it, and does not change
 /// with data as long as no solution crosses the boundary.
 ///
-/// Unknown is the index where
+/// The index is unknown where
 ///
 /// * x is in no cell of some site, or more than `cap` selections are active,
 /// * a selection is singular (decided as in [`bd_regularity`](super::bd_regularity)) and a direction of its kernel lies in its cell or on the boundary, or the kernel
 ///   has more than one dimension, or there are more than 500 rows,
-/// * first derivatives do not tell whether the cell of a selection has points near x,
-/// * all values v tried have a direction on a boundary of cells, or the linear solver knows no determinants.
+/// * first derivatives do not decide whether the cell of a selection has points near x,
+/// * all values v tried have a direction on a boundary of cells, or the linear solver provides no determinants.
 ///
-/// Of a curve's map y alone varies. Test functions with |θ(x)| ≤ `tolerance` count as vanishing. That H(x) = 0 is not checked.
+/// For the map of a curve y alone varies. Test functions with |θ(x)| ≤ `tolerance` count as vanishing. That H(x) = 0 is not checked.
 ///
 /// # Errors
 /// Wrong lengths, maps with neither m = n nor m = n + 1, Jacobians that are not finite or leave their pattern, and failures of the linear
@@ -81,7 +81,7 @@ fn index_of(
         });
     }
     let targets: Vec<Target> = (0..TRIES).filter_map(|k| cones.target(active, k)).collect();
-    // Of each value the directions that are taken to it, with their signs, unless one is on a boundary.
+    // For each value its preimages with their signs, unless one is on a boundary.
     let mut preimages: Vec<Option<Preimages>> = vec![Some(Vec::new()); targets.len()];
     for selection in active.selections() {
         match cones.element(&selection, &mut jac)? {
@@ -106,14 +106,14 @@ fn index_of(
             }
         }
     }
-    // All values give one sum; that they do is checked.
+    // All values must give the same sum, which is checked.
     let sum = |list: Preimages| list.iter().map(|(_, sign)| i64::from(*sign)).sum();
     let mut sums = preimages.into_iter().flatten().map(sum);
     let first: Option<i64> = sums.next();
     Ok(first.filter(|f| sums.all(|s: i64| s == *f)))
 }
 
-/// Whether a direction that a singular selection takes to 0 may lie in its closed cell.
+/// Whether a kernel vector of a singular selection may lie in its closed cell.
 fn has_zero(cones: &Cones<'_>, selection: &Selection, jac: &Matrix) -> Result<bool, PiecewiseError> {
     let n = jac.nrows();
     if n > DENSE {

@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use super::PiecewiseSmooth;
 
-/// Where the test functions of each site stand in the vector of all test functions.
+/// Positions of each site's test functions in the vector of all test functions.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TestLayout {
     offsets: Vec<usize>,

@@ -12,9 +12,9 @@ use crate::sparse::{Matrix, Pattern};
 ///
 /// # Contract
 /// * [`residual`](Self::residual) and [`jacobian`](Self::jacobian) of a given selection are defined (and smooth) on a
-///   neighbourhood of its cell, not only inside it: correctors look beyond kinks.
+///   neighbourhood of its cell, not only inside it: correctors evaluate them beyond kinks.
 /// * At a point on the boundary of several cells, the selections concerned agree: H is continuous.
-/// * The cells of one site do not overlap (but in boundaries) and cover the domain.
+/// * The cells of one site do not overlap (except in boundaries) and cover the domain.
 /// * All functions are pure: same input, same output. `out` arrives with the right length and arbitrary content; the Jacobian
 ///   arrives zeroed.
 ///
@@ -75,7 +75,7 @@ pub trait PiecewiseSmooth {
     /// Adds ∇H^(σ)(x) (n × m) to a zeroed matrix over [`pattern`](Self::pattern).
     fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix);
 
-    /// Where Jacobians have entries, over all selections (n × m). Default: everywhere, which takes 16 n m bytes for a Jacobian and a
+    /// The sparsity pattern of Jacobians, over all selections (n × m). Default: full, which takes 16 n m bytes for a Jacobian and a
     /// dense factorisation: override it above some thousand variables.
     fn pattern(&self) -> Pattern {
         Pattern::full(self.num_residuals(), self.num_vars())
@@ -92,14 +92,14 @@ pub trait PiecewiseSmooth {
     }
 
     /// Replaces `rows` by the residuals that depend on the piece chosen at `site`. All other rows are the same whatever piece
-    /// the site uses, so that a solver may keep what it knows of them. Default: all rows.
+    /// the site uses, so that a solver may keep its factors and update them. Default: all rows.
     fn site_rows(&self, _site: usize, rows: &mut Vec<usize>) {
         rows.clear();
         rows.extend(0..self.num_residuals());
     }
 
-    /// Adds the rows [`site_rows`](Self::site_rows) of ∇H^(σ)(x) alone to a matrix in which they are zero, so that a solver that knows
-    /// the rest does not have it made again. Returns whether it did so. Default: `false`, and nothing added.
+    /// Adds only the rows [`site_rows`](Self::site_rows) of ∇H^(σ)(x) to a matrix in which they are zero, so that a solver that has the
+    /// other rows need not recompute them. Returns whether it did so. Default: `false`, and nothing added.
     fn site_jacobian(&self, _site: usize, _selection: &Selection, _x: &[f64], _jac: &mut Matrix) -> bool {
         false
     }
@@ -109,26 +109,26 @@ pub trait PiecewiseSmooth {
         false
     }
 
-    /// The conditions of the pieces with coefficients that are exact, from which lists of solutions are proven to be complete.
+    /// The conditions of the pieces with exact coefficients, from which lists of solutions are proven to be complete.
     /// Default: `None`; such lists are then at best [undecided](crate::enumeration::Completeness::Undecided).
     fn exact(&self) -> Option<&dyn ExactPieces> {
         None
     }
 
     /// Replaces `sizes` (length m, filled with 1) by typical sizes of the variables in their units: positive numbers, that of a
-    /// parameter the change by which something happens. Distances and angles in x are measured relative to them where a curve is
-    /// followed, and so are the steps of central differences. Default: left as they are.
+    /// parameter the change over which solutions change noticeably. Distances and angles in x are measured relative to them where a curve
+    /// is followed, and so are the steps of central differences. Default: unchanged.
     fn typical_sizes(&self, _sizes: &mut [f64]) {}
 
-    /// Replaces `out` by the test functions in the form in which transitions tell them, where that is another than the one in which
-    /// curves are followed, and returns whether it is: users may prescribe a scale (the augmentation parameter of a contact
-    /// problem) on which nothing else is to depend, the iterates of Newton's method apart. Whether it is so is the same at every x. At solutions both forms have the same signs. Default: `false`.
+    /// Replaces `out` by the test functions in the form reported at transitions, where it differs from the form used to follow curves, and
+    /// returns whether it differs (the same at every x): users may prescribe a scale (the augmentation parameter of a contact problem) on
+    /// which nothing else depends except the iterates of Newton's method. At solutions both forms have the same signs. Default: `false`.
     fn reported_tests(&self, _x: &[f64], _out: &mut [f64]) -> bool {
         false
     }
 
-    /// The same equation in the scale that users prescribed, where that is another: [Newton's method](crate::newton) takes its iterates
-    /// there, as they depend on it. Solutions are the same. Default: `None`.
+    /// The same equation in the scale that users prescribed, if it differs: [Newton's method](crate::newton) iterates in that scale, as its
+    /// iterates depend on it. Solutions are the same. Default: `None`.
     fn in_prescribed_scale(&self) -> Option<Box<dyn PiecewiseSmooth + '_>> {
         None
     }
@@ -139,15 +139,15 @@ pub trait PiecewiseSmooth {
         super::differences::test_derivatives(&self, x, d, out);
     }
 
-    /// Whether kinks lie inside of others, so that the arguments of test functions have kinks themselves and
-    /// [`tests_of_selection`](Self::tests_of_selection) tells more than [`test_functions`](Self::test_functions). Default: `false`.
+    /// Whether kinks are nested, so that the arguments of test functions have kinks themselves and
+    /// [`tests_of_selection`](Self::tests_of_selection) differs from [`test_functions`](Self::test_functions). Default: `false`.
     fn has_nested_kinks(&self) -> bool {
         false
     }
 
     /// The test functions θ^(σ)(x) of a selection, in which all other kinks have its pieces, or with a direction d ∇θ^(σ)(x)·d. They are
     /// smooth near the cell of σ, and in it they are those of [`test_functions`](Self::test_functions). Curves of σ are followed with
-    /// them. Default, where no kink lies inside another: test functions are smooth and the same for all selections.
+    /// them. Default, for kinks that are not nested: test functions are smooth and the same for all selections.
     fn tests_of_selection(&self, _selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
         match d {
             Some(d) => self.test_derivatives(x, d, out),

@@ -2,11 +2,11 @@ use super::Semismooth;
 use crate::linear::{LinearError, LinearOperator, Preconditioner};
 use crate::sparse::Matrix;
 
-/// A semismooth map H: ℝⁿ → ℝⁿ whose generalized Jacobians are known by their products alone.
+/// A semismooth map H: ℝⁿ → ℝⁿ whose generalized Jacobians are available only as products with vectors.
 ///
 /// [`NewtonKrylov`](crate::newton::NewtonKrylov) solves such maps. The products of the supertrait [`LinearOperator`], of order n, are those with
-/// the element G of the generalized Jacobian that [`linearize`](Self::linearize) took last. [`Assembled`] makes one of a map with
-/// matrices.
+/// the element G of the generalized Jacobian chosen by the last [`linearize`](Self::linearize). [`Assembled`] makes such a map from one
+/// with matrices.
 ///
 /// ```
 /// use semismooth::linear::LinearOperator;
@@ -49,11 +49,11 @@ pub trait MatrixFree: LinearOperator {
     /// The residual H(x), of length n.
     fn residual(&mut self, x: &[f64], out: &mut [f64]);
 
-    /// Takes an element G of the generalized (B- or Clarke) Jacobian at x, for the products to come; the place to prepare
-    /// [`precondition`](LinearOperator::precondition), too.
+    /// Chooses an element G of the generalized (B- or Clarke) Jacobian at x for the products that follow, and prepares
+    /// [`precondition`](LinearOperator::precondition).
     ///
     /// # Errors
-    /// What cannot be prepared; it ends the run.
+    /// Failures of this preparation; they end the run.
     fn linearize(&mut self, x: &[f64]) -> Result<(), LinearError>;
 }
 
@@ -96,7 +96,7 @@ pub struct Assembled<'a, S: ?Sized, P> {
 }
 
 impl<'a, S: Semismooth + ?Sized, P: Preconditioner> Assembled<'a, S, P> {
-    /// A map, and what is prepared with each of its matrices.
+    /// A map, and the preconditioner prepared with each of its matrices.
     pub fn new(map: &'a S, preconditioner: P) -> Self {
         Self {
             map,

@@ -14,20 +14,20 @@ use crate::spread::Random;
 const STEPS: usize = 20_000;
 /// Distance from the span of the others above which a unit gradient counts as independent of them.
 const INDEPENDENT: f64 = 1e-8;
-/// Distances at which test functions are compared that may be one and the same, in units of the variables.
+/// Distances, in units of the variables, at which test functions that may be identical are compared.
 const AROUND: [f64; 4] = [0.3, 0.1, 1e-2, 1e-3];
 
-/// Margin of a unit direction beyond which it lies inside or outside of a cell for sure.
+/// Margin of a unit direction beyond which it certainly lies inside or outside of a cell.
 pub(super) const CLEAR: f64 = 1e-7;
 
-/// The cell of a selection near x, the variables that move alone moving.
+/// The cell of a selection near x, where only the variables that may move vary.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Cell {
     /// It has interior points arbitrarily near x.
     Open,
     /// It has none.
     Empty,
-    /// Its linearisation has none, but the map is not affine; or nothing is known.
+    /// Its linearisation has none, but the map is not affine; or it is not known.
     Unknown,
 }
 
@@ -39,7 +39,7 @@ pub(super) struct Cones<'a> {
     vanishing: Vec<usize>,
     /// Sizes of the variables that move, in which directions are measured.
     sizes: Vec<f64>,
-    /// Those of the vanishing test functions, where no kink lies inside another; else each selection has its own.
+    /// Gradients of the vanishing test functions, unless kinks are nested; then each selection has its own.
     common: Option<Gradients>,
 }
 
@@ -110,7 +110,7 @@ impl<'a> Cones<'a> {
         }
     }
 
-    /// The gradients of a selection, with the room to keep them if they are its own.
+    /// The gradients of a selection, with storage for them if they are its own.
     fn gradients<'b>(&'b self, selection: &Selection, own: &'b mut Option<Gradients>) -> &'b Gradients {
         match &self.common {
             Some(common) => common,
@@ -163,7 +163,7 @@ impl<'a> Cones<'a> {
         for (k, sign) in &facets {
             match &gradients.units[*k] {
                 Some(g) => normals.push(g.iter().map(|v| sign * v).collect()),
-                // Constant in y: the same on all of the cells that it bounds.
+                // Constant in y: it has the same value in all cells that it bounds.
                 None if affine => {}
                 None => return Cell::Unknown,
             }
@@ -177,7 +177,7 @@ impl<'a> Cones<'a> {
         }
     }
 
-    /// Whether a cell asks for both signs of one function that serves as two tests.
+    /// Whether a cell requires both signs of one function that occurs as two test functions.
     fn contradicts(
         &self,
         selection: &Selection,
@@ -194,7 +194,7 @@ impl<'a> Cones<'a> {
         })
     }
 
-    /// Whether two test functions are one but for a factor, at points on all sides of x.
+    /// Whether two test functions are proportional at points on all sides of x.
     fn coincide(&self, selection: &Selection, first: usize, second: usize) -> bool {
         let mut theta = vec![0.0; self.layout.total()];
         let mut spread = Random::new(3);
@@ -237,7 +237,7 @@ impl<'a> Cones<'a> {
         margin
     }
 
-    /// The direction that a selection takes to a target, and where it lies.
+    /// The preimage of a target under a selection's derivative, and where it lies.
     pub(super) fn preimage(&self, found: Examined<'_>, target: &Target) -> Result<Side, PiecewiseError> {
         let Some(solver) = found.solver else {
             return Ok(Side::Unclear);
@@ -271,7 +271,7 @@ impl<'a> Cones<'a> {
         })
     }
 
-    /// Whether two directions are one: where a test function vanishes identically, the selections on both of its sides hold everywhere.
+    /// Whether two directions agree: where a test function vanishes identically, the selections on both of its sides are active everywhere.
     pub(super) fn is_same(&self, d: &[f64], e: &[f64]) -> bool {
         let scaled = |v: &[f64], w: &[f64]| -> f64 {
             let terms = v.iter().zip(w).zip(&self.sizes);
@@ -281,8 +281,8 @@ impl<'a> Cones<'a> {
         scaled(d, e) <= CLEAR * CLEAR * scaled(d, &zero)
     }
 
-    /// The value of a direction without preference under the B-derivative, another one for every `number`; `None` where that
-    /// direction runs too near to a boundary of cells.
+    /// The image of a direction in general position under the B-derivative, a different one for every `number`; `None` where that
+    /// direction is too near to a boundary of cells.
     pub(super) fn target(&self, active: &ActiveSet, number: u64) -> Option<Target> {
         let (m, n) = (self.map.num_vars(), self.map.num_residuals());
         let mut spread = Random::new(2 * number + 1);
@@ -326,7 +326,7 @@ fn are_independent(gradients: &[Option<Vec<f64>>]) -> bool {
     true
 }
 
-/// What the signs of det ∇_yH^(σ) over the essentially active selections σ say.
+/// The verdict of the signs of det ∇_yH^(σ) over the essentially active selections σ.
 pub(super) enum Signs {
     /// One sign, `None` where a single selection is active and no determinant is known.
     Coherent { sign: Option<i8>, selections: u64 },
@@ -345,7 +345,7 @@ pub(super) enum Signs {
     NoDeterminant,
 }
 
-/// What is said where signs are asked for that the linear solver does not have.
+/// The error where determinants are needed that the linear solver does not provide.
 pub(super) fn no_determinant() -> PiecewiseError {
     let what = "no determinant is available for a sparse matrix of this size";
     LinearError::Solver { what: what.into() }.into()
@@ -361,16 +361,16 @@ pub(super) struct Examined<'a> {
 pub(super) struct Target {
     /// H'(x; d).
     image: Vec<f64>,
-    /// What d changes the parameter by, if that moves; else 0.
+    /// The change of the parameter along d, if it may move; else 0.
     rate: f64,
 }
 
-/// Where the direction that a selection takes to a value lies.
+/// Where the preimage of a value under a selection's derivative lies.
 pub(super) enum Side {
     /// In the cell of the selection: the direction.
     Inside(Vec<f64>),
     Outside,
-    /// Too near to the boundary to tell, for its rounding.
+    /// Too near to the boundary to decide, by rounding.
     Unclear,
 }
 
@@ -433,7 +433,7 @@ pub(super) fn examine(
     if let Some(selection) = rounding {
         return Ok(Signs::Rounding { selection });
     }
-    // Where nothing is known to have interior, signs that agree decide all the same.
+    // Even where no cell is known to have interior points, signs that agree decide.
     let common = first.map(|f| f.1).or_else(|| unknown.first().map(|u| u.1));
     Ok(
         match unknown.into_iter().find(|u| Some(u.1) != common || u.1 == 0) {

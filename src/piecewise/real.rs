@@ -5,7 +5,7 @@ use num_traits::{NumAssignOps, NumOps, Signed};
 /// The scalar a user's formula is written over: `f64` for values, dual numbers for exact derivatives.
 ///
 /// Arithmetic mixes with `f64` on the right (`2.0 * x` is written `x * 2.0`). Branching on [`value`](Self::value), `abs` and
-/// the like hide kinks from the crate; say them through `Kinks` instead.
+/// the like hide kinks from the crate; express them through `Kinks` instead.
 pub trait Real:
     Copy + Debug + From<f64> + Signed + NumAssignOps + NumOps<f64, Self> + NumAssignOps<f64>
 {
@@ -48,13 +48,13 @@ pub trait Real:
     #[must_use]
     fn powf(self, p: f64) -> Self;
 
-    /// This value, said to depend on `others` and on a label, too: for scalars that trace what depends on what.
+    /// This value, marked as depending on `others` and on a label, too: for scalars that trace dependencies.
     #[doc(hidden)]
     #[must_use]
     fn joined(self, _others: &[Self], _label: Option<usize>) -> Self {
         self
     }
-    /// The labels of a scalar that traces what depends on what.
+    /// The labels of a scalar that traces dependencies.
     #[doc(hidden)]
     fn labels(&self) -> [u64; 4] {
         [0; 4]

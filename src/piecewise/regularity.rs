@@ -13,7 +13,7 @@ use std::fmt;
 
 /// Rows up to which singular values and eigenvalues are computed: both are dense.
 pub(super) const DENSE: usize = 500;
-/// Halvings after which two numbers are neighbours.
+/// Bisections after which two numbers are neighbours.
 const HALVINGS: usize = 60;
 
 /// Whether all matrices of a set belonging to a point are regular.
@@ -28,16 +28,17 @@ pub enum Regularity {
         /// The least singular value of these matrices, in the units of the map; `None` with more than 500 rows, and where it was decided
         /// without them.
         singular_value: Option<f64>,
-        /// The selection whose matrix has it, and a unit vector that this matrix takes to that length; `None` where `singular_value` is.
+        /// The selection whose matrix has it, and a unit vector whose image under this matrix has that length; `None` where
+        /// `singular_value` is.
         weakest: Option<(Selection, Vec<f64>)>,
     },
     /// One is singular.
     Fails {
         /// It is Σ w_σ ∇_yH^(σ), w_σ ≥ 0 of sum 1; a single selection for a singular ∇_yH^(σ).
         combination: Vec<(Selection, f64)>,
-        /// Its least singular value, 0 but for rounding; `None` with more than 500 rows.
+        /// Its least singular value, 0 up to rounding; `None` with more than 500 rows.
         singular_value: Option<f64>,
-        /// A unit vector that it takes to this length; empty with more than 500 rows.
+        /// A unit vector whose image has this length; empty with more than 500 rows.
         direction: Vec<f64>,
     },
     /// The point is not in the cell of any piece at this site.
@@ -87,12 +88,12 @@ impl fmt::Display for Regularity {
 /// BD-regularity: whether all elements of the B-subdifferential ∂_B H(x) are regular (L. Qi, Math. Oper. Res. 18 (1993)). Newton's method
 /// then converges superlinearly near the solution x, quadratically where ∇H^(σ) are Lipschitz continuous, and ‖H‖ bounds the distance.
 ///
-/// Of a curve's map, y alone varies (∇_yH, the first n columns). A matrix whose reciprocal condition, rows and columns equilibrated, is below
-/// 1e-11 counts as singular, but where the map states [exact](PiecewiseSmooth::exact) coefficients: whether a matrix of theirs that rounding
-/// may decide about is singular is decided in exact arithmetic, up to 200 rows and some tenths of a second ([`CertificateDoubt::Rounding`] beyond).
-/// Test functions with |θ(x)| ≤ `tolerance` count as vanishing, and their unit gradients as dependent within 1e-8, by which is told which cells
-/// have points near x; at most `cap` active selections are examined, one factorisation each and
-/// up to 500 rows one singular value decomposition, O(n³).
+/// For the map of a curve, y alone varies (∇_yH, the first n columns). A matrix whose reciprocal condition, rows and columns equilibrated,
+/// is below 1e-11 counts as singular. If the map gives [exact](PiecewiseSmooth::exact) coefficients, matrices whose regularity rounding
+/// leaves open are decided in exact arithmetic instead, up to 200 rows and some tenths of a second ([`CertificateDoubt::Rounding`] beyond). Test
+/// functions with |θ(x)| ≤ `tolerance` count as vanishing, and their unit gradients as dependent within 1e-8, which decides which cells
+/// have points near x; at most `cap` active selections are examined, with one factorisation each and, up to 500 rows, one singular value
+/// decomposition, O(n³).
 ///
 /// # Errors
 /// Wrong lengths, maps with neither m = n nor m = n + 1, Jacobians that are not finite or leave their pattern, and failures of the linear
@@ -122,14 +123,14 @@ pub fn bd_regularity<P: PiecewiseSmooth + ?Sized>(
 /// It fails where two elements of ∂_B H(x) differ in the sign of their determinants, and holds if one of these arguments applies:
 ///
 /// * Any choice of each row (or of each column) from those of the elements gives a determinant of the same sign: determinants are affine
-///   in each row, and ∂H(x) lies in the set of all mixtures. For the natural map of a complementarity problem this says that a Schur
-///   complement is a P-matrix.
+///   in each row, and ∂H(x) lies in the set of all row-wise mixtures. For the natural map of a complementarity problem this says that a
+///   Schur complement is a P-matrix.
 /// * With M the inverse of their mean, the symmetric part of M V is positive definite for all V in ∂_B H(x).
 /// * ∂H(x) is the segment between two matrices A and B, and A⁻¹B has no eigenvalue on the negative half-line.
 ///
-/// Else segments between two elements, and random combinations, are searched for a determinant of the other sign, and what is left is
-/// undecided ([`CertificateDoubt::Combinations`]). The elements are judged as in [`bd_regularity`]; of mixtures of their rows that are none of them
-/// floating-point numbers have to say clearly that they are regular. Above 500 rows only signs and choices of rows and columns decide.
+/// Otherwise segments between two elements, and random combinations, are searched for a determinant of the other sign; if none is found the
+/// answer is undecided ([`CertificateDoubt::Combinations`]). The elements are judged as in [`bd_regularity`]; other mixtures of their rows must be
+/// clearly regular in floating-point arithmetic. Above 500 rows only signs and choices of rows and columns decide.
 ///
 /// Conventions are those of [`bd_regularity`]; `cap` limits the choices of rows and the segments, too, each O(n³).
 ///
@@ -308,7 +309,7 @@ pub(crate) fn square(jac: &Matrix) -> Result<Matrix, PiecewiseError> {
     Ok(made.map_err(LinearError::from)?)
 }
 
-/// What a singular combination is told with.
+/// The data reported with a singular combination.
 pub(crate) fn singular(
     combination: Vec<(Selection, f64)>,
     matrix: &Matrix,
@@ -353,14 +354,14 @@ impl<'a> Between<'a> {
         &self.mixed
     }
 
-    /// Sign of the determinant at a share of the way, 0 where it is singular.
+    /// Sign of the determinant at a parameter of the segment, 0 where it is singular.
     fn sign(&mut self, share: f64) -> Result<i8, PiecewiseError> {
         self.at(share);
         let n = self.mixed.nrows();
         Ok(sign_of(&mut self.solver, &self.mixed, n, 0.0)?.unwrap_or(0))
     }
 
-    /// A share of the way at which the determinant loses the sign that it has at the start and not at the end, by bisection.
+    /// The parameter of the segment at which the determinant loses the sign that it has at the start and not at the end, by bisection.
     pub(crate) fn crossing(&mut self) -> Result<f64, PiecewiseError> {
         let sign = self.sign(0.0)?;
         let (mut low, mut high) = (0.0, 1.0);

@@ -8,7 +8,7 @@ use crate::options::setters;
 use crate::words;
 use std::fmt;
 
-/// How the regularity of a solution is examined. The options of solvers ask for it, by `with_regularity`; by default they do not.
+/// How the regularity of a solution is examined. Solvers do so if their options request it (`with_regularity`); by default they do not.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
@@ -17,8 +17,8 @@ use std::fmt;
     serde(default, deny_unknown_fields)
 )]
 pub struct RegularityOptions {
-    /// Test functions with |θ(x)| up to this value, in their units, count as vanishing at the solution; at least its error there to see the
-    /// kinks on which it lies. Default 1e-9.
+    /// Test functions with |θ(x)| up to this value, in their units, count as vanishing at the solution; it must be at least their error
+    /// there for the kinks on which the solution lies to be recognised. Default 1e-9.
     pub tolerance: f64,
     /// Largest number of active selections examined, one factorisation each for every notion. Default 1000.
     pub cap: u64,
@@ -79,10 +79,10 @@ pub struct RegularityReport {
     pub bd: Regularity,
     /// [CD-regularity](super::cd_regularity).
     pub cd: Regularity,
-    /// [Coherent orientation](super::coherent_orientation); `None` outside of all cells, of semismooth maps, and where the linear solver knows no determinants. What
-    /// a selection of sign 0 takes to 0 is the direction of `bd`.
+    /// [Coherent orientation](super::coherent_orientation); `None` outside of all cells, for semismooth maps, and where the linear solver
+    /// provides no determinants. The kernel vector of a selection of sign 0 is the direction of `bd`.
     pub orientation: Option<CoherentOrientation>,
-    /// [Strong regularity](crate::complementarity::strong_regularity), of complementarity problems; else `None`.
+    /// [Strong regularity](crate::complementarity::strong_regularity) for complementarity problems; else `None`.
     pub strong: Option<Regularity>,
 }
 
@@ -118,7 +118,7 @@ impl fmt::Display for Answer<'_> {
     }
 }
 
-/// What is known of the regularity at x, but for strong regularity.
+/// The regularity at x, without strong regularity.
 pub(crate) fn regularity_report(
     map: &dyn PiecewiseSmooth,
     x: &[f64],

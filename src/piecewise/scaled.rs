@@ -12,11 +12,11 @@ pub(crate) struct Scaled<M: ?Sized> {
     sizes: Vec<f64>,
     buffers: RefCell<(Vec<f64>, Vec<f64>)>,
     rows: RefCell<Vec<usize>>,
-    /// Last, so that a reference to this can forget the type of the map.
+    /// Last, so that a reference to this can be unsized to a trait object.
     map: M,
 }
 
-/// Whether a size is near enough to 1 to be left alone.
+/// Whether a size is near enough to 1 to need no scaling.
 pub(crate) fn is_ordinary(size: f64) -> bool {
     (1e-3..=1e3).contains(&size)
 }
@@ -26,7 +26,7 @@ const SMALLEST: f64 = 1e-100;
 
 impl<M: PiecewiseSmooth> Scaled<M> {
     /// Scaled by the sizes given or, where there are none, by those of the map if they are far from 1. That of a parameter is taken
-    /// to be at most the largest of 1 and the bounds of `range`: it may matter how little it changes.
+    /// to be at most the largest of 1 and the bounds of `range`, so that small changes are resolved.
     ///
     /// # Errors
     /// Sizes of another number than the variables, or not positive and finite.

@@ -18,7 +18,7 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// The selection with the same piece at each of `sites` sites. Pieces are numbers up to 65535; larger ones count as that.
+    /// The selection with the same piece at each of `sites` sites. Pieces are numbers up to 65535; larger ones are reduced to 65535.
     #[must_use]
     pub fn uniform(sites: usize, piece: usize) -> Self {
         Self {
@@ -55,7 +55,7 @@ impl Selection {
         self.pieces.get(site).map_or(0, |&p| p as usize)
     }
 
-    /// Uses `piece` at `site`; a site out of range is left alone.
+    /// Uses `piece` at `site`; a site out of range is ignored.
     #[inline]
     pub fn set(&mut self, site: usize, piece: usize) {
         if let Some(p) = self.pieces.get_mut(site) {
@@ -126,7 +126,7 @@ pub struct Selections {
 }
 
 impl Selections {
-    /// All selections that agree with `base` but at the given sites, which run through the given pieces.
+    /// All selections that agree with `base` except at the given sites, which run through the given pieces.
     #[must_use]
     pub fn new(base: Selection, choices: Vec<(usize, Vec<usize>)>) -> Self {
         let mut current = base;

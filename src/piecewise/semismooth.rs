@@ -37,16 +37,16 @@ pub trait Semismooth {
     fn jacobian(&self, x: &[f64], jac: &mut Matrix);
 
     /// All elements of the B-subdifferential ∂_B H(x), the limits of ∇H(x_k) along points x_k → x at which H is differentiable, each at least
-    /// once and over the [pattern](Self::pattern), where they are finitely many. What a kink depends on counts as 0 up to `tolerance`, as at
-    /// solutions it is so but for rounding.
+    /// once and over the [pattern](Self::pattern), if they are finitely many. Arguments of kinks count as 0 up to `tolerance`, since at
+    /// solutions they vanish only up to rounding.
     ///
-    /// `None` where the map does not know them, where they are infinitely many, and where they may be more than `cap`. Default: `None`.
+    /// `None` where the map cannot give them, where they are infinitely many, and where they may be more than `cap`. Default: `None`.
     /// [`bd_regularity_semismooth`](super::bd_regularity_semismooth) has an example.
     fn b_subdifferential(&self, _x: &[f64], _tolerance: f64, _cap: u64) -> Option<Vec<Matrix>> {
         None
     }
 
-    /// Where Jacobians have entries (n × n). Default: everywhere.
+    /// The sparsity pattern of Jacobians (n × n). Default: full.
     fn pattern(&self) -> Pattern {
         Pattern::full(self.num_vars(), self.num_vars())
     }

@@ -1,4 +1,4 @@
-//! Regularity of semismooth maps that know their B-subdifferential.
+//! Regularity of semismooth maps that give their B-subdifferential.
 
 use super::error::check_vector;
 use super::orientation::sign_of;
@@ -8,7 +8,7 @@ use super::{CertificateDoubt, PiecewiseError, Regularity, Selection, Semismooth}
 use crate::linear::{AutoSolver, LinearSolver};
 
 /// BD-regularity of a semismooth map, as [`bd_regularity`](super::bd_regularity) of a piecewise-smooth one: whether all elements that
-/// [`Semismooth::b_subdifferential`] gives at x, of those up to `cap`, are regular. Where it gives none the answer is undecided
+/// [`Semismooth::b_subdifferential`] gives at x, up to `cap` of them, are regular. Where it gives none the answer is undecided
 /// ([`CertificateDoubt::Elements`]). In verdicts a selection has one site, whose piece is the number of the element in that list.
 ///
 /// A matrix whose reciprocal condition, rows and columns equilibrated, is below 1e-11 counts as singular.

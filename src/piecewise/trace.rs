@@ -1,4 +1,4 @@
-//! Which variables a formula depends on, found by evaluating it over sets of labels in place of derivatives.
+//! Which variables a formula depends on, found by evaluating it over sets of labels instead of derivatives.
 
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
 
@@ -7,7 +7,7 @@ use num_traits::{Num, One, Signed, Zero};
 use super::Real;
 use crate::sparse::Pattern;
 
-/// Labels that one evaluation tells apart.
+/// Labels that one evaluation distinguishes.
 pub(crate) const LABELS: usize = 256;
 /// Evaluations beyond which the check of a given pattern lets columns share labels.
 const EXACT: usize = 64;
@@ -17,7 +17,7 @@ const SHARED: usize = 4;
 /// A set of labels.
 pub(crate) type Labels = [u64; LABELS / 64];
 
-/// A number that remembers the labels of all that went into it.
+/// A number with the labels of all numbers from which it was computed.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Dependence {
     value: f64,
@@ -209,7 +209,7 @@ impl Real for Dependence {
     }
 }
 
-/// A function over sets of labels: its arguments, the first index that has a label of its own, and where the values go.
+/// A function over sets of labels: its arguments, the first index that has a label of its own, and the list of its values.
 pub(crate) type Formula<'f> = dyn FnMut(&[Dependence], usize, &mut [Dependence]) + 'f;
 
 /// Which of `indices` things (variables, and what the formula itself labels behind them) each of `count` values depends on at x, as
@@ -293,7 +293,7 @@ fn stray_row(
         })
 }
 
-/// A point of no particular position near the middle of (0, 1), where roots and logarithms exist.
+/// A point in general position near the middle of (0, 1), where roots and logarithms exist.
 pub(crate) fn ordinary_point(m: usize) -> Vec<f64> {
     (0..m)
         .map(|j| 0.5 + 0.25 * crate::spread::golden(j + 1))

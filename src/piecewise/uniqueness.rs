@@ -12,12 +12,12 @@ use crate::words;
 const BLOCK: usize = 64;
 /// Reciprocal condition below which ∇_yH^(σ) counts as singular: smooth folds are located no better.
 pub(super) const SINGULAR: f64 = 1e-11;
-/// So few cells cannot wind round x twice.
+/// Up to this number of cells cannot wind round x twice.
 const FEW: u64 = 4;
 /// Points whose preimages are counted, until none lies near a boundary of cells.
 pub(super) const TRIES: u64 = 6;
 
-/// Whether a solution is locally the only one, and a Lipschitz function of the load.
+/// Whether a solution is locally unique, and a Lipschitz function of the load.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -59,7 +59,7 @@ pub enum LocalUniqueness {
         /// Their largest norm: a lower bound of the Lipschitz constant, should there be one.
         at_least: f64,
     },
-    /// Not decided, by rounding or for want of more than first derivatives.
+    /// Not decided, because of rounding or because first derivatives do not suffice.
     Doubtful {
         /// What is not known.
         doubt: CertificateDoubt,
@@ -75,9 +75,9 @@ pub enum LocalUniqueness {
 pub enum CertificateDoubt {
     /// Whether the cell of a selection whose sign differs has points near x.
     Activity,
-    /// How many directions the B-derivative takes to one value: all values tried have one on a boundary of cells.
+    /// How many preimages a value of the B-derivative has: all values tried have one on a boundary of cells.
     Preimages,
-    /// Whether a convex combination of regular matrices is singular: no argument at hand says so, or the contrary.
+    /// Whether a convex combination of regular matrices is singular: none of the arguments decides.
     Combinations,
     /// Whether a matrix is singular, or only nearly: rounding decides, and exact arithmetic takes too long.
     Rounding,
@@ -146,14 +146,14 @@ impl LocalUniqueness {
 }
 
 /// Whether the solution y at x is an isolated Lipschitz function of the load f, everything else kept fixed. `load` is ∂_fH (n × k); the
-/// identity asks for arbitrary perturbations of the residual. At most `cap` active selections are examined.
+/// identity stands for arbitrary perturbations of the residual. At most `cap` active selections are examined.
 ///
 /// y is such a function for arbitrary perturbations exactly if the B-derivative of H in y is a homeomorphism and no essentially active
 /// selection is singular (J.-S. Pang, D. Ralph, Math. Oper. Res. 21 (1996), Theorems 4, 5; S. Scholtes, *Introduction to Piecewise
-/// Differentiable Equations* (2012), ch. 4). What is examined of it:
+/// Differentiable Equations* (2012), ch. 4). The conditions are examined as follows:
 ///
 /// * *Essentially active* is a selection whose cell has interior points arbitrarily near x, α fixed: some d has sign·∇_yθ·d > 0 on its
-///   vanishing facets. Others (a kink that cancels) say nothing and are left out, where the tests are affine or two of them are one
+///   vanishing facets. Other selections (at a kink that cancels) are left out if the tests are affine or two of them are the same
 ///   function; else they are a [`CertificateDoubt`] if their sign differs.
 /// * *Coherent orientation*: det ∇_yH^(σ) has one sign over all essentially active σ. If not, uniqueness [fails](LocalUniqueness::fails).
 /// * *One preimage*: a coherently oriented piecewise linear map takes every value without preimages on boundaries of cells equally
@@ -245,7 +245,7 @@ fn local_uniqueness_of(
         block.resize(n * BLOCK.min(load.ncols()), 0.0);
         match row_sums(solver, &load, &mut block, &mut sums) {
             Ok(()) => constant = sums.iter().fold(constant, |c, s| c.max(*s)),
-            // Close to singular: regular by its determinant, but no norm can be vouched for.
+            // Nearly singular: regular by its determinant, but the norm of its inverse is not reliable.
             Err(LinearError::Inaccurate { .. }) => constant = f64::INFINITY,
             Err(e) => return Err(e.into()),
         }
@@ -254,7 +254,7 @@ fn local_uniqueness_of(
     verdict(&cones, active, signs, constant)
 }
 
-/// What signs and the largest norm of an inverse say.
+/// The verdict from the signs and the largest norm of an inverse.
 pub(super) fn verdict(
     cones: &Cones<'_>,
     active: &ActiveSet,
@@ -303,7 +303,7 @@ fn check_rows(load: &Matrix, n: usize) -> Result<(), PiecewiseError> {
     })
 }
 
-/// What speaks against one preimage of a coherently oriented B-derivative; `None` if one was counted.
+/// The verdict against a unique preimage of a coherently oriented B-derivative; `None` if exactly one was counted.
 fn winding(cones: &Cones<'_>, active: &ActiveSet) -> Result<Option<LocalUniqueness>, PiecewiseError> {
     for number in 0..TRIES {
         let Some(target) = cones.target(active, number) else {

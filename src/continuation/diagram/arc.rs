@@ -1,4 +1,4 @@
-//! An edge while it is followed, and what arms say about a vertex.
+//! An edge while it is followed, and the kind of a vertex from its arms.
 
 use super::{EdgeEnd, VertexArm, VertexKind};
 use crate::continuation::{Arm, Point, PointKind};
@@ -6,7 +6,7 @@ use crate::continuation::{Arm, Point, PointKind};
 /// |α̇| up to which an arm counts as vertical.
 pub(super) const FLAT: f64 = 1e-7;
 
-/// An edge under way.
+/// An edge that is being followed.
 pub(super) struct Arc {
     pub(super) from: EdgeEnd,
     pub(super) base: f64,

@@ -23,7 +23,7 @@ impl Diagram {
     pub fn branches(&self) -> Vec<DiagramBranch> {
         let mut used = vec![false; self.edges.len()];
         let mut branches = Vec::new();
-        // Open chains first, from their ends; what is left is closed.
+        // Open chains first, from their ends; the remaining ones are closed.
         for (e, edge) in self.edges.iter().enumerate() {
             for (end, reverse) in [(edge.from, false), (edge.to, true)] {
                 if !used[e] && self.partner(end).is_none() {
@@ -112,7 +112,7 @@ impl Diagram {
         })
     }
 
-    /// A direction in the variables of the exploration: in others all arms may seem to be one.
+    /// A direction in the scaled variables of the exploration: in others all arms may seem to be one.
     fn explored(&self, tangent: &[f64]) -> Vec<f64> {
         let mut t = tangent.to_vec();
         t.iter_mut().zip(&self.sizes).for_each(|(t, size)| *t /= size);

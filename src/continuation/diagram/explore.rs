@@ -21,7 +21,7 @@ use crate::sparse::{distance, norm};
 const SAME_ARM: f64 = 1e-4;
 const SAME_ARM_SINGULAR: f64 = 1e-2;
 
-/// How far an exploration has come.
+/// Progress of an exploration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Progress<'a> {
@@ -29,18 +29,18 @@ pub struct Progress<'a> {
     pub vertices: usize,
     /// Number of edges.
     pub edges: usize,
-    /// Number of arms known and not followed yet, but those of the curve under way.
+    /// Number of arms known and not followed yet, without those of the current curve.
     pub pending: usize,
     /// Number of points computed.
     pub points: usize,
-    /// The event just met.
+    /// The current event.
     pub event: &'a Event,
 }
 
 impl Diagram {
-    /// Follows the curves through `starts` in both directions, and all arms met on the way.
+    /// Follows the curves through `starts` in both directions, and all arms found on them.
     ///
-    /// Starts are corrected onto the curve at their α. A start on a curve known already cuts its edge in two.
+    /// Starts are corrected onto the curve at their α. A start on a curve known already splits its edge in two.
     ///
     /// # Complexity
     /// Each curve costs what [`Branch::follow`](crate::continuation::Branch::follow) does. Every point met is compared with all V vertices
@@ -48,7 +48,7 @@ impl Diagram {
     ///
     /// # Errors
     /// Options out of range; starts of the wrong length, outside the range of the parameter or the domain, or from which Newton's
-    /// method finds no solution. What fails later on is named by [`completeness`](Self::completeness).
+    /// method finds no solution. Later failures are reported by [`completeness`](Self::completeness).
     pub fn explore<P, S>(map: &P, starts: &[S], options: &DiagramOptions) -> Result<Self, ContinuationError>
     where
         P: PiecewiseSmooth + ?Sized,
@@ -110,7 +110,7 @@ pub(super) struct Explorer<'m, O> {
     observe: O,
 }
 
-/// What a curve finds at a vertex.
+/// What a curve that arrives at a vertex finds there.
 struct Meeting<'e> {
     x: &'e [f64],
     kind: Option<VertexKind>,
@@ -188,7 +188,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             arms: arms.list.into_iter().map(VertexArm::new).collect(),
             complete: arms_complete,
         });
-        // Both directions of the start come first: later curves must not run over it unawares.
+        // Both directions of the start come first: later curves must not pass it unnoticed.
         let ends = (0..self.diagram.vertices[v].arms.len()).map(|arm| EdgeEnd { vertex: v, arm });
         self.pending.extend(ends);
         Ok(())
@@ -252,7 +252,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         (near(upper) && rate > FLAT) || (near(lower) && rate < -FLAT)
     }
 
-    /// Follows a curve from a vertex until it ends or meets what is known.
+    /// Follows a curve from a vertex until it ends or reaches a known vertex or edge.
     fn follow(&mut self, end: EdgeEnd) {
         let vertex = &self.diagram.vertices[end.vertex];
         let mut options = self.options.continuation.clone();
@@ -343,7 +343,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         self.end(arc, termination, failure);
     }
 
-    /// Ends the arc under way at a vertex; gives the arm on which the curve goes on, unless it is known.
+    /// Ends the current arc at a vertex; gives the arm on which the curve continues, unless its edge is known.
     fn meet(&mut self, arc: &mut Arc, point: Point, meeting: Meeting<'_>) -> Option<EdgeEnd> {
         let singular = meeting.kind == Some(VertexKind::BranchPoint);
         let size = 1.0 + norm(meeting.x);
@@ -453,7 +453,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         true
     }
 
-    /// A curve from a new start may arrive along an edge that was given up on the way to that start: it takes its place.
+    /// A curve from a new start may arrive along an edge that was abandoned before it reached that start: it replaces this edge.
     fn replace(&mut self, known: usize, edge: DiagramEdge) -> bool {
         let old = &self.diagram.edges[known];
         let far = if old.from == edge.to { old.to } else { old.from };
@@ -470,7 +470,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         false
     }
 
-    /// The curve under way ends without meeting anything new.
+    /// Ends the current curve by its termination: a bound, a limit or a failure.
     fn end(&mut self, mut arc: Arc, termination: Termination, failure: Option<ContinuationError>) {
         let from = arc.from;
         let length = arc.points.last().map_or(0.0, |p| p.arclength);

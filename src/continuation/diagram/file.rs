@@ -1,4 +1,4 @@
-//! Diagrams as read from files: refused where a vertex, arm or edge is out of range, so that what asks them cannot fail.
+//! Diagrams as read from files: refused where a vertex, arm or edge is out of range, so that queries cannot fail.
 
 use super::{Diagram, DiagramCompleteness, DiagramEdge, DiagramVertex};
 use crate::piecewise::PiecewiseError;

@@ -3,11 +3,11 @@ use std::fmt;
 use crate::continuation::{Arm, ContinuationError, Point, Termination};
 use crate::sparse::norm;
 
-/// The solution set of H(y, α) = 0 connected to given starts, as a graph: vertices where pieces of curve meet or end, edges the
-/// pieces of curve between them.
+/// The solution set of H(y, α) = 0 connected to given starts, as a graph: vertices where arcs of curves meet or end, edges the
+/// arcs between them.
 ///
-/// Every arm of every vertex is followed. A curve that arrives at a known vertex is joined to it; an arc is stored once, whichever
-/// end it is found from. [`DiagramCompleteness`] says whether anything was left out.
+/// Every arm of every vertex is followed. A curve that arrives at a known vertex is joined to it; an arc is stored once, from
+/// whichever end it is found. [`DiagramCompleteness`] says whether anything was left out.
 ///
 /// ```
 /// use semismooth::continuation::{Diagram, DiagramOptions};
@@ -69,7 +69,7 @@ impl Diagram {
         self.range
     }
 
-    /// Number of points computed, those of arcs met twice included.
+    /// Number of points computed, those of arcs found twice included.
     #[must_use]
     pub fn points_computed(&self) -> usize {
         self.points
@@ -81,9 +81,9 @@ impl Diagram {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum VertexKind {
-    /// A start inside a curve: nothing happens here.
+    /// A start on a curve that is no special point.
     Start,
-    /// The active selection changes, α goes on in its direction.
+    /// The active selection changes, α keeps its direction.
     PassThrough,
     /// A non-smooth fold.
     Fold,
@@ -164,7 +164,7 @@ pub struct DiagramVertex {
     pub is_start: bool,
     /// All arms.
     pub arms: Vec<VertexArm>,
-    /// Whether all active selections were examined and none left open, within tolerances.
+    /// Whether all active selections were examined and none is undecided, within tolerances.
     pub complete: bool,
 }
 
@@ -187,7 +187,7 @@ pub struct EdgeEnd {
     pub arm: usize,
 }
 
-/// A piece of curve between two vertices, on one selection.
+/// An arc of a curve between two vertices, on one selection.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -214,7 +214,7 @@ impl DiagramEdge {
     pub fn is_vertical(&self) -> bool {
         const FLAT: f64 = 1e-7;
         const ROUNDING: f64 = 1e-12;
-        // Tangents alone are flat wherever unknowns are large, or α is small; signs of determinants were told in the units of the exploration.
+        // Wherever unknowns are large, or α is small, α̇ is small; signs of determinants were decided in the units of the exploration.
         let flat = |p: &Point| match p.det_sign {
             Some(sign) => sign == 0,
             None => p.tangent.last().is_some_and(|t| t.abs() <= FLAT),
@@ -224,8 +224,8 @@ impl DiagramEdge {
         self.points.iter().all(flat) && upper - lower <= ROUNDING * size
     }
 
-    /// Signs of det ∇_yH^(σ) along the edge, each change once: one sign but where smooth folds are passed. Empty where the linear
-    /// solver knows no determinants.
+    /// Signs of det ∇_yH^(σ) along the edge, equal neighbours merged: one sign unless smooth folds are passed. Empty where the linear
+    /// solver provides no determinants.
     #[must_use]
     pub fn det_signs(&self) -> Vec<i8> {
         let vertical = self.is_vertical();
@@ -296,16 +296,16 @@ impl fmt::Display for DiagramCompleteness {
     }
 }
 
-/// Why something was left out of a diagram.
+/// Why a diagram is incomplete.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Limit {
-    /// The limit on edges; arms are left.
+    /// The limit on edges was reached; some arms were not followed.
     MaxEdges,
-    /// The limit on the number of points in all; arms are left.
+    /// The limit on the number of points in all was reached; some arms were not followed.
     MaxPoints,
-    /// The limit on time; arms are left.
+    /// The limit on time was reached; some arms were not followed.
     MaxTime,
     /// The observer stopped the exploration.
     Stopped,

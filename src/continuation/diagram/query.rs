@@ -1,4 +1,4 @@
-//! What a diagram can be asked.
+//! Queries of a diagram.
 
 use super::split::Stretch;
 use super::{Diagram, VertexKind};
@@ -22,8 +22,8 @@ pub struct DiagramSolution {
     pub det_sign: Option<i8>,
     /// The edge on which it lies; the first one at a vertex.
     pub edge: usize,
-    /// The local index (degree) of the solution: the sign of the determinant, where two edges meet the mean of their signs (0: a
-    /// fold); `None` where that does not decide (grazing, branchings, unknown signs).
+    /// The local index (degree) of the solution: the sign of the determinant, or where two edges meet the mean of their signs (0: a
+    /// fold); `None` where these do not determine it (grazing, branchings, unknown signs).
     pub index: Option<i8>,
 }
 
@@ -49,7 +49,7 @@ impl SolutionsAt {
     }
 
     /// Sum of the local indices, where all are known. For problems whose solutions are all known this is the degree of the map
-    /// (+1 for Coulomb friction with F ≥ 0): an evidence that none is missing.
+    /// (+1 for Coulomb friction with F ≥ 0): evidence that none is missing.
     #[must_use]
     pub fn index_sum(&self) -> Option<i64> {
         if !(self.continua.is_empty() && self.isolated.is_empty()) {
@@ -152,7 +152,7 @@ impl Diagram {
                 belongs(map, a)?;
                 belongs(map, b)?;
                 if let Some(x) = onto_parameter(map, &mut corrector, a, b, alpha)? {
-                    // Next to a fold the other end tells the sign.
+                    // Next to a fold the sign is taken from the other end.
                     let at = if regular_sign(a).is_some() { a } else { b };
                     self.offer(&mut found, x, at, e);
                 }
@@ -260,7 +260,7 @@ fn onto_parameter(
     for round in 0..LIMIT {
         let secant = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
         let middle = 0.5 * (low.0 + high.0);
-        // Every third point is the middle: secants may leave one end where it is.
+        // Every third point is the midpoint: secants may keep one end fixed.
         let u = if round % 3 == 2 { middle } else { secant };
         let Some((x, _)) = stretch.at(map, corrector, u)? else {
             break;
@@ -288,7 +288,7 @@ fn onto_parameter(
             y[last] = alpha;
             Ok(Some(y))
         }
-        // Next to a fold the plane of constant α is tangent to the curve: the bracket is as good as it gets.
+        // Next to a fold the plane of constant α is tangent to the curve: the bracket cannot be improved.
         Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(Some(x)),
         Err(e) => Err(e),
     }

@@ -1,4 +1,4 @@
-//! Going on with an exploration that was stopped.
+//! Resuming an exploration that was stopped.
 
 use std::ops::ControlFlow;
 
@@ -16,12 +16,12 @@ fn lifted(termination: Termination) -> bool {
 }
 
 impl Diagram {
-    /// Goes on with a diagram that was stopped by a limit or by its observer (and perhaps written and read since), and adds
+    /// Resumes a diagram that was stopped by a limit or by its observer (and perhaps written and read since), and adds
     /// what can be reached from `starts`, which may be empty.
     ///
-    /// All arms that were not followed are pending. The edge that was under way when the diagram was stopped is followed anew from
-    /// its last vertex: a run that is too short for an edge makes no progress. Limits on edges and points count what was done
-    /// already. The range of the parameter must be the same.
+    /// All arms that were not followed are pending. The edge that was being followed when the diagram was stopped is followed again from
+    /// its last vertex: a run that is too short for an edge makes no progress. Limits on edges and points include those of earlier
+    /// runs. The range of the parameter must be the same.
     ///
     /// # Errors
     /// As [`explore`](Self::explore); diagrams that do not fit the map.
@@ -111,8 +111,8 @@ impl Diagram {
         Ok(diagram)
     }
 
-    /// Forgets the limits that a further run may lift, with the edges that ended there, and the starts from which nothing was
-    /// followed: these are given back.
+    /// Removes the limits that a further run may raise, with the edges that ended there, and the starts from which nothing was
+    /// followed: these are returned.
     fn reopen(&mut self) -> Vec<Vec<f64>> {
         let stopped = |v: &DiagramVertex| matches!(v.kind, VertexKind::Limit(t) if lifted(t));
         let cut: Vec<bool> = (self.edges.iter())
@@ -139,7 +139,7 @@ impl Diagram {
         starts
     }
 
-    /// Removes vertices and edges and everything that tells of them.
+    /// Removes vertices and edges and everything that refers to them.
     fn remove(&mut self, vertices: &[bool], edges: &[bool]) {
         let renumbered = |gone: &[bool]| -> Vec<usize> {
             let mut next = 0;
@@ -183,13 +183,13 @@ impl Diagram {
                     self.completeness.add(Limit::Arms { vertex });
                 }
                 Limit::Solutions { .. } => self.completeness.add(limit),
-                // Tried again, and told again where it fails again.
+                // Tried again, and reported again if it fails again.
                 _ => {}
             }
         }
     }
 
-    /// Whether the diagram may be that of a map: nothing in it is out of range.
+    /// Checks that the diagram fits a map: nothing in it is out of range.
     pub(super) fn check(&self, map: &dyn PiecewiseSmooth) -> Result<(), PiecewiseError> {
         let m = map.num_vars();
         let what = "a selection of the diagram";
@@ -211,7 +211,7 @@ impl Diagram {
         self.check_structure()
     }
 
-    /// Whether all vertices, arms and edges told of are there.
+    /// Checks that all vertices, arms and edges referred to exist.
     pub(super) fn check_structure(&self) -> Result<(), PiecewiseError> {
         let index = |what, found: usize, expected: usize| {
             let error = PiecewiseError::Length {

@@ -8,11 +8,11 @@ use crate::continuation::ContinuationError;
 use crate::enumeration::{EnumerationOptions, all_solutions_until};
 use crate::piecewise::PiecewiseSmooth;
 
-/// What [`Diagram::explore_sections_observed`] tells of.
+/// What [`Diagram::explore_sections_observed`] reports.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum SectionProgress<'a> {
-    /// All solutions at this parameter are being searched for; told often.
+    /// All solutions at this parameter are being searched for; reported often.
     Solutions(f64),
     /// An event on a curve through them.
     Curves(Progress<'a>),
@@ -23,7 +23,7 @@ impl Diagram {
     /// these values is in the diagram, isolas included. For maps that are piecewise affine in y at fixed α (in α they need not
     /// be).
     ///
-    /// [`completeness`](Self::completeness) tells of an α whose solutions could not all be found.
+    /// [`completeness`](Self::completeness) names each α whose solutions are not known to be all found.
     ///
     /// # Errors
     /// As [`explore`](Self::explore) and [`all_solutions`](crate::enumeration::all_solutions).
@@ -53,7 +53,7 @@ impl Diagram {
         })
     }
 
-    /// [`explore_sections`](Self::explore_sections), telling `observe` of all that happens; it may stop. Where it stops while solutions
+    /// [`explore_sections`](Self::explore_sections), reporting to `observe`, which may stop. If it stops while solutions
     /// are searched for, the curves through those found so far are not followed.
     ///
     /// # Errors

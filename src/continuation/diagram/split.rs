@@ -10,7 +10,7 @@ use crate::sparse::{distance, dot, norm};
 /// A point of a curve and its tangent there.
 type Placed = (Vec<f64>, Vec<f64>);
 
-/// A stretch of curve between neighbouring points of an edge, on their selection.
+/// The arc between neighbouring points of an edge, on their selection.
 pub(super) struct Stretch<'e> {
     pub(super) a: &'e Point,
     pub(super) b: &'e Point,
@@ -26,7 +26,7 @@ impl<'e> Stretch<'e> {
         (length > 0.0).then_some(Self { a, b, chord, length })
     }
 
-    /// Whether x lies in the ball over the chord, a little widened: curves are nowhere near as bent as that.
+    /// Whether x lies in the ball whose diameter is the chord, slightly enlarged: arcs of a step bend far less than that.
     fn surrounds(&self, x: &[f64]) -> bool {
         let centre: Vec<f64> = self
             .a
@@ -74,7 +74,7 @@ impl<'e> Stretch<'e> {
 }
 
 impl Diagram {
-    /// Cuts the edge through x in two by a vertex there; `false` if no edge passes x.
+    /// Splits the edge through x by a vertex there; `false` if no edge passes x.
     pub(super) fn split_at(
         &mut self,
         map: &dyn PiecewiseSmooth,
@@ -108,7 +108,7 @@ impl Diagram {
         let second = self.edges.len();
         let edge = &mut self.edges[e];
         let (before, after) = (&edge.points[k - 1], &edge.points[k]);
-        // At a smooth fold the sign is none; its neighbour knows.
+        // At a smooth fold the sign is 0; that of the neighbouring point is taken.
         let near = if edge.smooth_folds.contains(&(k - 1)) {
             after
         } else {

@@ -15,13 +15,13 @@ use crate::piecewise::{
 use crate::sparse::{distance, norm};
 use crate::spread::centred;
 
-/// Two unit tangents closer than this, in the units of ∇H, too, are one arm.
+/// Two unit tangents closer than this, also in the units of ∇H, are one arm.
 const SAME_ARM: f64 = 1e-7;
 /// Singular values below this, relative to the largest, count as zero in the branching equation.
 pub(in crate::continuation) const RANK: f64 = 1e-9;
-/// How many times as far as its rates tell a test function moves by rounding alone.
+/// Ratio of a test function's value to what its rates account for, above which the value is a rounding error.
 pub(in crate::continuation) const UNEXPLAINED: f64 = 1e3;
-/// Up to so many active selections all are tried; beyond, the pruned search rules out most of them first.
+/// Up to this number of active selections all are tried; beyond it the pruned search excludes most of them first.
 const PLAIN: u128 = 16;
 /// How much smaller than ‖∇θ‖ the largest of two directional derivatives may be.
 const SPREAD: f64 = 1e5;
@@ -52,8 +52,8 @@ pub(in crate::continuation) fn vanishing_at<P: PiecewiseSmooth + ?Sized>(
     list
 }
 
-/// Sizes of the gradients of all test functions, by two directional derivatives: gradients are dear. They are hardly ever too small by
-/// more than [`SPREAD`].
+/// Sizes of the gradients of all test functions, from two directional derivatives, as gradients are expensive. They are hardly ever too
+/// small by more than [`SPREAD`].
 fn gradient_sizes<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     selection: &Selection,
@@ -78,9 +78,9 @@ fn gradient_sizes<P: PiecewiseSmooth + ?Sized>(
 #[derive(Debug, Clone, Default)]
 pub(in crate::continuation) struct Arms {
     pub(in crate::continuation) list: Vec<Arm>,
-    /// Whether every active selection was examined and its kernel understood.
+    /// Whether every active selection was examined and the arms in its kernel were determined.
     pub(in crate::continuation) complete: bool,
-    /// The first selection whose kernel was not, if there is one.
+    /// The first selection for which they were not, if there is one.
     pub(in crate::continuation) undecided: Option<UndecidedKernel>,
 }
 
@@ -92,10 +92,10 @@ pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     pub(in crate::continuation) vanishing: &'a [Vanishing],
     /// Number of all test functions of the map.
     pub(in crate::continuation) tests: usize,
-    /// A selection known to be singular at (or within rounding of) x, where its kernel is a chance mixture.
+    /// A selection known to be singular at (or within rounding of) x, where the computed kernel vector is arbitrary.
     pub(in crate::continuation) singular: Option<Selection>,
     pub(in crate::continuation) deadline: Deadline<'a>,
-    /// Whether any selection may be singular at x: at a start nothing is known of them.
+    /// Whether any selection may be singular at x, as at a start.
     pub(in crate::continuation) unknown: bool,
     /// Whether a kernel was found by a dense decomposition, which takes far longer than a step.
     pub(in crate::continuation) decomposed: bool,
@@ -120,7 +120,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                     }
                     return Ok(arms);
                 }
-                // Rows that depend on several sites, or too large a table: one by one.
+                // Rows that depend on several sites, or too large a table: the selections are tried one by one.
                 Ok(None) | Err(EnumerationError::TooLarge { .. }) => {}
                 Err(EnumerationError::Map(e)) => return Err(e),
                 Err(_) => arms.complete = false,
@@ -137,10 +137,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         Ok(arms)
     }
 
-    /// Where not all selections can be examined: those that a local search finds.
+    /// The arms that a local search finds, where not all selections can be examined.
     fn locally(&mut self, active: &ActiveSet, arms: &mut Arms) -> Result<(), PiecewiseError> {
         let starts = self.options.local_starts;
-        // A search takes no longer than a few hundred steps of the curve.
+        // The search takes no longer than a few hundred steps of the curve.
         let each = if self.map.num_residuals() > MAX_BRANCHING {
             4
         } else {
@@ -154,7 +154,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         }
     }
 
-    /// The arms of a list of selections, as far as time allows.
+    /// The arms of a list of selections, until the time limit.
     fn of_selections<'s>(
         &mut self,
         selections: impl Iterator<Item = &'s Selection>,
@@ -171,7 +171,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         Ok(())
     }
 
-    /// Whether time is over. Regular points are examined in any time.
+    /// Whether the time limit has passed. Regular points are examined regardless of it.
     fn is_late(&self, examined: usize) -> bool {
         (examined as u128 >= PLAIN || self.decomposed) && self.deadline.is_over()
     }
@@ -207,7 +207,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         }
     }
 
-    /// The arms of a selection that is singular at x, if its branching equation tells them.
+    /// The arms of a selection that is singular at x, if its branching equation determines them.
     fn at_singular_point(&mut self, selection: &Selection, arms: &mut Arms) -> Result<(), PiecewiseError> {
         match self.branching_directions(selection)? {
             Ok(directions) => {
@@ -276,7 +276,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                 Some(&size) => (own[v.index], size),
                 None => (v.rate(direction), v.gradient_norm),
             };
-            // Nothing but rounding next to its change over the distance 1 + ‖x‖: then the second derivative decides, unless it is rounding, too.
+            // A rate that is rounding relative to the change over the distance 1 + ‖x‖: the second derivative decides, unless it is
+            // rounding, too.
             let flat = curved && size <= RANK * AHEAD.recip() * (rates[v.index] - rate).abs();
             let least = units.least_rate(v, rate, size, direction);
             let cell = self.map.cell(v.site, selection.piece(v.site));

@@ -27,7 +27,7 @@ pub(in crate::continuation) struct Kernels {
 /// The extended system of a simple branch point, where ∇H has a kernel of dimension 2 (A. Griewank and G. W. Reddien 1984,
 /// doi:10.1137/0721043): H(x) + β e_k = 0, g(x) = 0. Two columns i, j of ∇H are left out and e_k is put in their place, which makes a regular
 /// matrix N; Nᵀw is the unit vector of e_k, and g = (wᵀ∂ᵢH, wᵀ∂ⱼH) vanishes with wᵀ∇H. The system is regular at a simple branch point, where
-/// anything that solves with ∇H stops at the square root of the rounding unit.
+/// methods that solve with ∇H reach only the square root of the rounding unit.
 ///
 /// Newton's method by block elimination: all systems are solved with N, which is as sparse as ∇H.
 ///
@@ -122,7 +122,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         if last > SETTLED {
             return Ok(None);
         }
-        // Nothing below rounding of the units is known.
+        // Derivatives below rounding in these units are not known.
         for (x, unit) in x.iter_mut().zip(&self.units) {
             if x.abs() <= f64::EPSILON * unit {
                 *x = 0.0;
@@ -179,7 +179,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         const ITERATIONS: usize = 3;
         let (n, m) = (self.rows.len(), self.units.len());
         let mut bordered = Bordered::new(self.jac.pattern(), AutoSolver::new())?;
-        // Where ∇H has no full rank at the point itself, it has beside it.
+        // Where ∇H does not have full rank at the point itself, it has at a nearby point.
         let mut ready = false;
         for shift in [0.0, 1e-4, -1e-3] {
             let moved = (x.iter().zip(&self.units)).enumerate();
@@ -231,7 +231,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         Ok(found(self.solver.analyze(pattern.as_ref()))?.is_some())
     }
 
-    /// N at x, with w, the kernel and the slopes of g; `false` where N is singular.
+    /// N at x, with w, the kernel and the derivatives of g; `false` where N is singular.
     fn linear(&mut self, x: &[f64]) -> Result<bool, PiecewiseError> {
         let n = self.rows.len();
         self.linearize(x);
@@ -268,7 +268,8 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         Ok(true)
     }
 
-    /// Newton's step from x, in units of the variables: β, in which the system is linear, need not be kept. `false` where it is singular.
+    /// The Newton step from x, in units of the variables; β, in which the system is linear, need not be stored. `false` where it is
+    /// singular.
     fn step(&mut self, x: &[f64], dx: &mut [f64]) -> Result<bool, PiecewiseError> {
         if !self.linear(x)? {
             return Ok(false);
@@ -328,7 +329,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
     }
 
     /// Size of the terms of wᵀH at the point linearised last, up to second order along the kernel: they cancel there and along the curve.
-    /// The slopes belong to a w of the given length.
+    /// The derivatives of g belong to a w of the given length.
     fn terms(&self, length: f64) -> f64 {
         let first: f64 = (self.jac.triplets()).map(|(i, _, v)| (self.w[i] * v).abs()).sum();
         let second: f64 = self.slopes.iter().flatten().map(|v| v.abs() / length).sum();
@@ -395,8 +396,8 @@ mod tests {
     use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
     use crate::sparse::Matrix;
 
-    /// Two lines cross at (1/3, 1/7). Whether H is evaluated plainly, or with terms a hundred thousand times larger that cancel and leave their
-    /// rounding in it, the crossing is one; 1e-6 beside it H has no solution that is singular.
+    /// Two lines cross at (1/3, 1/7). The crossing is recognised whether H is evaluated directly, or with terms a hundred thousand times
+    /// larger that cancel up to their rounding errors; 1e-6 beside it H has no singular solution.
     #[test]
     fn rounding_of_the_evaluation_does_not_hide_a_branch_point() {
         fn crossing(y: f64, a: f64) -> [f64; 3] {
@@ -429,8 +430,8 @@ mod tests {
         }
     }
 
-    /// Two lines cross at the origin, where all terms of first order vanish and no last bit of x moves H: what H is off by counts against its
-    /// terms of second order.
+    /// Two lines cross at the origin, where all terms of first order vanish and the last bits of x do not change H: the error of H is
+    /// measured by its terms of second order.
     #[test]
     fn terms_of_second_order_measure_what_is_rounding() {
         let rounding: Function = |y, a| [(y - a) * (y + a) + 1e-17, 2.0 * y, -2.0 * a];
@@ -448,7 +449,8 @@ mod tests {
         }
     }
 
-    /// Two curves that touch at the origin: the extended system is singular there, Newton's method crawls, and nothing is claimed.
+    /// Two curves that touch at the origin: the extended system is singular there, Newton's method converges slowly, and `solve` gives
+    /// `None`.
     #[test]
     fn curves_that_touch_are_no_simple_branch_point() {
         let touching: Function = |y, a| [y * (y - a * a), 2.0 * y - a * a, -2.0 * y * a];
@@ -510,7 +512,7 @@ mod tests {
         }
     }
 
-    /// Where one curve passes the kernel has one dimension; where two cross it has two.
+    /// At a point of a single curve the kernel has dimension one; where two curves cross it has dimension two.
     #[test]
     fn kernels_are_those_of_branch_points() {
         let crossing: Function = |y, a| [y * y - a * a, 2.0 * y, -2.0 * a];

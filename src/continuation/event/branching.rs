@@ -1,4 +1,4 @@
-//! Singular points of a selection: whether ∇H^(σ) is singular there, and which curves run through them.
+//! Singular points of a selection: whether ∇H^(σ) is singular there, and which curves pass through them.
 
 use super::arms::{ArmSearch, RANK};
 use super::branch_point::BranchSystem;
@@ -11,16 +11,16 @@ use crate::spread::centred;
 /// Largest number of residuals whose kernels are found by singular values; beyond, next to simple branch points only.
 pub(super) const MAX_BRANCHING: usize = 600;
 
-/// A kernel of ∇H^(σ) of two dimensions or more, in which the first derivatives do not tell the arms.
+/// A kernel of ∇H^(σ) of two dimensions or more, in which the first derivatives do not determine the arms.
 #[derive(Debug, Clone)]
 pub(in crate::continuation) struct UndecidedKernel {
     pub(in crate::continuation) dimension: usize,
-    /// The variables that take part in it, those that do most first.
+    /// The variables that take part in it, those with the largest components first.
     pub(in crate::continuation) variables: Vec<usize>,
 }
 
 impl UndecidedKernel {
-    /// That of an orthonormal basis, if it has two vectors or more.
+    /// The kernel of an orthonormal basis, if that has two vectors or more.
     pub(super) fn of(basis: &[Vec<f64>]) -> Option<Self> {
         const NAMED: f64 = 1e-6;
         let (first, rest) = basis.split_first().filter(|b| !b.1.is_empty())?;
@@ -39,8 +39,8 @@ impl UndecidedKernel {
 pub(super) type Directions = Result<Vec<Vec<f64>>, Option<UndecidedKernel>>;
 
 impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
-    /// Whether ∇H^(σ) is singular within rounding of x, in the units of the unknowns and in its own: units far apart alone make least
-    /// singular values small.
+    /// Whether ∇H^(σ) is singular within rounding of x, both in the units of the unknowns and equilibrated: bad scaling alone makes the
+    /// least singular value small.
     pub(in crate::continuation) fn is_singular(
         &mut self,
         selection: &Selection,
@@ -63,7 +63,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         Ok(least <= RANK)
     }
 
-    /// The map in the units of ∇H^(σ), and x in them.
+    /// The map in the units of ∇H^(σ), and x in these units.
     fn in_own_units(&self, selection: &Selection) -> Result<(Scaled<&'a P>, Vec<f64>), PiecewiseError> {
         let units = Units::new(self.map, selection, self.x).divisors();
         let map = Scaled::with_divisors(self.map, units)?;
@@ -72,8 +72,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         Ok((map, z))
     }
 
-    /// The largest entry of each row of ∇H^(σ), or its change over the distance 1 + ‖x‖: at branch points rows may vanish but for rounding.
-    /// The corrector is left with ∇H^(σ) at x.
+    /// The largest entry of each row of ∇H^(σ), or its change over the distance 1 + ‖x‖: at branch points rows may vanish up to rounding.
+    /// The corrector then holds ∇H^(σ) at x.
     fn row_sizes<M: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &M,
@@ -105,7 +105,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
     }
 
     /// The directions of the curves through a point where ∇H^(σ) is singular; `Err` where they are not decided, with the kernel unless
-    /// the problem is too large for it. What the units of the unknowns leave undecided is asked in those of ∇H^(σ), too.
+    /// the problem is too large for it. What is undecided in the units of the unknowns is tried in those of ∇H^(σ), too.
     pub(super) fn branching_directions(
         &mut self,
         selection: &Selection,

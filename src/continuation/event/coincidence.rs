@@ -1,5 +1,5 @@
-//! Which test functions vanish together with the one on which a transition was located: those whose zero the curve meets at the same
-//! distance along itself, as far as rounding can tell.
+//! Which test functions vanish together with the one on which a transition was located: those whose zero the curve reaches at the same
+//! arclength, to rounding.
 
 use super::units::Units;
 use crate::continuation::ContinuationError;
@@ -7,23 +7,23 @@ use crate::continuation::engine::Curve;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
 use crate::sparse::norm;
 
-/// Distance along the curve, relative to 1 + ‖x‖, beyond which nothing is taken to coincide.
+/// Distance along the curve, relative to 1 + ‖x‖, beyond which zeros do not coincide.
 const WIDE: f64 = 1e-6;
-/// What rounding may do, in multiples of its estimate.
+/// Bound of rounding errors, in multiples of their estimate.
 const SAFETY: f64 = 16.0;
 
 impl Curve<'_> {
     /// The test functions that vanish at a transition located on `index`, by position.
     ///
-    /// A facet of the followed cell counts if its crossing lies as far along the curve as the located one, to rounding. One that the
-    /// curve moves away from was left before and is behind it, however near: seen from there the arm that was come along would be one
-    /// that leaves. The other test functions of the sites concerned count if rounding hides their sign.
+    /// A facet of the followed cell counts if its crossing lies as far along the curve as the located one, to rounding. A facet from which
+    /// the curve moves away does not, however near: it was left before, and if it counted, the arm of arrival would seem to leave its
+    /// cell. The other test functions of the sites concerned count if their value is within rounding.
     pub(in crate::continuation) fn met_together(
         &mut self,
         index: usize,
     ) -> Result<Vec<Vanishing>, ContinuationError> {
         let mut rates = std::mem::take(&mut self.rates);
-        // On affine pieces they are those of the step just made.
+        // On affine pieces they are those of the last step.
         if !self.map.is_piecewise_affine() || rates.len() != self.layout.total() {
             rates.resize(self.layout.total(), 0.0);
             self.map
@@ -34,7 +34,7 @@ impl Curve<'_> {
         if facets.len() + others.len() > 1 {
             let rounding = self.rounding_here()?;
             let error = |v: &Vanishing| rounding.of(v);
-            // How far along the curve rounding may have moved the located crossing.
+            // Distance along the curve by which rounding may have moved the located crossing.
             let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
             let located = facets.iter().find(|(v, _)| v.index == index);
             let shift = located.map_or(0.0, |(v, _)| (error(v) / rates[index].abs()).min(reach));
@@ -52,7 +52,7 @@ impl Curve<'_> {
         Ok(list)
     }
 
-    /// Facets of the followed cell whose crossings may coincide with that of `index`, and whether they do for certain.
+    /// Facets of the followed cell whose crossings may coincide with that of `index`, and whether they certainly do.
     fn facets_near(&self, index: usize, rates: &[f64]) -> Vec<(Vanishing, bool)> {
         let wide = WIDE * (1.0 + norm(&self.here.x));
         let mut near = Vec::new();
@@ -126,7 +126,7 @@ impl Curve<'_> {
     }
 }
 
-/// What rounding may do to test functions at a located point.
+/// Bounds of the rounding errors of test functions at a located point.
 pub(super) enum Rounding {
     Measured { moves: [Vec<f64>; 2], sizes: Vec<f64> },
     Distance(f64),
@@ -145,7 +145,7 @@ impl Rounding {
     }
 }
 
-/// Facets of the cell of a selection which do not vanish hold on its curve: where θ says otherwise, that is rounding.
+/// Facets of the cell of a selection which do not vanish hold on its curve: a θ of the wrong sign is a rounding error.
 pub(in crate::continuation) fn keep_inside(
     map: &dyn PiecewiseSmooth,
     layout: &TestLayout,
@@ -184,7 +184,7 @@ mod tests {
             &mut theta,
         );
         assert!(theta[0] > 0.0 && theta[0] < 1e-300 && theta[1] < 0.0 && theta[1] > -1e-300);
-        // What vanishes, and what is no facet of the cell, stays as it is.
+        // Values that vanish, and those that belong to no facet of the cell, are not changed.
         assert_eq!(theta[2..], [-2e-17, -3.0]);
     }
 

@@ -1,4 +1,4 @@
-//! How a curve leaves a point along an arm: the selection to freeze, and what is known of it there.
+//! How a curve leaves a point along an arm: the selection to freeze, its orientation and its residual there.
 
 use super::units::Units;
 use crate::continuation::engine::{Curve, State, row_sizes, term_size};
@@ -7,7 +7,7 @@ use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Va
 use crate::sparse::norm;
 
 impl Curve<'_> {
-    /// Leaves `here` along `arm`: freezes its selection and finds what has to be watched.
+    /// Leaves `here` along `arm`: freezes its selection and sets up its monitors.
     pub(in crate::continuation) fn adopt(
         &mut self,
         arm: &Arm,
@@ -39,7 +39,7 @@ impl Curve<'_> {
         let affine = self.map.is_piecewise_affine();
         let tolerance = self.options.residual_tolerance;
         if !affine {
-            // At a branch point ∇H may vanish altogether: the size of the terms of H is also that a step ahead.
+            // At a branch point ∇H may be zero: the terms of H a step ahead count, too.
             let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
             self.corrector.assemble(&self.map, &self.selection, &ahead)?;
             row_sizes(
@@ -70,7 +70,7 @@ impl Curve<'_> {
             self.residual_scale = term_size(self.corrector.jacobian(), x, self.h, t);
         }
         if !affine || self.points == 0 {
-            // Steps on affine pieces have measured it, and H is continuous.
+            // Steps on affine pieces have computed it, and H is continuous.
             self.map
                 .residual(&self.selection, &self.here.x, &mut self.residual);
             self.here.residual_norm = norm(&self.residual);
@@ -87,18 +87,18 @@ impl Curve<'_> {
         Ok(())
     }
 
-    /// Whether ∇H^(σ) is singular at (or within rounding of) `here`, so that the sign of its determinant is chance. Equilibration
+    /// Whether ∇H^(σ) is singular at (or within rounding of) `here`, so that the sign of its determinant is arbitrary. Equilibration
     /// hides this from the condition estimate of the solver.
     pub(in crate::continuation) fn is_singular_here(
         &mut self,
         selection: &Selection,
     ) -> Result<bool, ContinuationError> {
-        // Where the Jacobian is the same everywhere, its factorisation has told already.
+        // Where the Jacobian is constant, its factorisation has shown that already.
         let affine = self.map.is_piecewise_affine();
         Ok(!affine && self.search(&[]).is_singular(selection)?)
     }
 
-    /// Forgets the orientation where a curve sets out from a branch point.
+    /// Resets the orientation where a curve leaves a branch point.
     pub(in crate::continuation) fn doubt_orientation(&mut self) -> Result<(), ContinuationError> {
         if self.is_singular_here(&self.selection.clone())? {
             self.here.orientation = None;
@@ -108,7 +108,7 @@ impl Curve<'_> {
         Ok(())
     }
 
-    /// On curved pieces an arm may run in the boundary of a cell to first order alone: forgets facets from which the curve has bent away.
+    /// On curved pieces an arm may run in the boundary of a cell to first order only: drops facets from which the curve has bent away.
     pub(in crate::continuation) fn forget_facets_left(&mut self) -> Result<(), ContinuationError> {
         if self.map.is_piecewise_affine() {
             return Ok(());

@@ -1,4 +1,4 @@
-//! Where exactly an event lies: its monitor's zero on the curve of the frozen selection.
+//! Location of an event: the zero of its monitor on the curve of the frozen selection.
 
 use super::watch::Monitor;
 use crate::continuation::engine::{Curve, State};
@@ -8,7 +8,7 @@ use crate::sparse::{distance, dot, norm};
 
 /// Largest number of points computed to locate one event.
 const LIMIT: usize = 60;
-/// Values of facets up to this share of what rounding errors make of them count as zero: nearer ones are chance.
+/// Values of test functions up to this fraction of their rounding error count as zero.
 const HIDDEN: f64 = 0.0625;
 /// Distance from the interpolated guess, relative to the step, beyond which a corrected point lies on another curve.
 const STRAY: f64 = 0.02;
@@ -94,13 +94,13 @@ impl Curve<'_> {
     }
 
     /// Moves `next` to the zero of `monitor` between `here` and `next`, by bracketed secants (Anderson–Björck) along the curve of
-    /// the frozen selection, each point corrected to rounding in a hyperplane normal to the tangent at `here`. Gives the absolute value
-    /// left there; `None` where points of the curve could not be found.
+    /// the frozen selection, each point corrected to rounding in a hyperplane normal to the tangent at `here`. Returns the absolute value
+    /// of the monitor there; `None` where points of the curve could not be found.
     pub(in crate::continuation) fn locate(
         &mut self,
         monitor: Monitor,
     ) -> Result<Option<f64>, ContinuationError> {
-        // Zeros of these monitors, of which there are many, are found without tangents on the way.
+        // Zeros of these frequent monitors are found without tangents in between.
         let by_chords = matches!(monitor, Monitor::Facet { .. });
         let origin = self.origin(monitor)?;
         let here = self.here.clone();
@@ -112,7 +112,7 @@ impl Curve<'_> {
         if let Monitor::Facet { index, facet } = monitor
             && let Some(back) = self.return_to(index, facet)
         {
-            // The bracket begins between the facet just left and its second crossing.
+            // The bracket begins between the facet that the curve has left and its second crossing.
             a = 0.5 * back;
             if !self.find_state(a, &high, &mut state, by_chords.then_some(&mut misses))? {
                 return Ok(None);
@@ -122,7 +122,7 @@ impl Curve<'_> {
                 return Ok(None);
             }
         } else if ga <= 0.0 {
-            // A facet left at once: the event is the start of the step itself, to rounding.
+            // A facet crossed at once: the event is the start of the step itself, to rounding.
             ga = 0.0;
         }
         let width = 4.0 * f64::EPSILON * (norm(&here.x) + b);
@@ -175,8 +175,8 @@ impl Curve<'_> {
         Ok(Some(value))
     }
 
-    /// What rounding errors of H make of the value of a facet at a state, as a mean over their signs: beyond that its zero cannot be told. With
-    /// the factors at hand, which must be those of a point nearby.
+    /// Effect of rounding errors of H on the value of a test function at a state, as a mean over their signs: its zero is not determined
+    /// more accurately. Uses the stored factors, which must be those of a point nearby.
     fn rounding_of(&mut self, monitor: Monitor, state: &State) -> f64 {
         let Monitor::Facet { index, .. } = monitor else {
             return 0.0;
@@ -210,7 +210,7 @@ impl Curve<'_> {
         self.find_state(s, high, state, None)
     }
 
-    /// [`state_at`](Self::state_at), with `misses` by chords without the tangent: that of the guess is left.
+    /// [`state_at`](Self::state_at); with `misses`, by chord steps and without the tangent: that of the guess is kept.
     fn find_state(
         &mut self,
         s: f64,
@@ -262,8 +262,8 @@ impl Curve<'_> {
         }
     }
 
-    /// Test functions that contain terms of H take over its rounding errors, in whatever units H may be: they are moved to where H
-    /// vanishes, below the last bits of x.
+    /// Test functions that contain terms of H inherit its rounding errors, whatever the units of H: they are extrapolated to the point
+    /// where H vanishes, below the last bits of x.
     fn refine_tests(&mut self, state: &mut State) {
         let rest = (self.corrector).remainder(&self.map, &self.selection, &state.x, &self.here.t);
         let Some(rest) = rest.filter(|rest| norm(rest) <= 1e-9 * (1.0 + norm(&state.x))) else {
@@ -280,7 +280,7 @@ impl Curve<'_> {
         self.rates = rates;
     }
 
-    /// Tangent, orientation, determinant and residual at the very point.
+    /// Tangent, orientation, determinant and residual at the point itself.
     pub(in crate::continuation) fn complete_state(
         &mut self,
         state: &mut State,
@@ -306,7 +306,7 @@ impl Curve<'_> {
                 self.find_decline(state, state.s)?;
             }
             Err(PiecewiseError::Linear(_)) => {
-                // So may be what the corrector left.
+                // So may be the state of the corrector.
                 if dot(&state.t, &self.here.t) < self.options.min_cos {
                     state.t.copy_from_slice(&self.here.t);
                 }
@@ -338,8 +338,8 @@ impl Curve<'_> {
     }
 }
 
-/// By how much cubic interpolation misses the curve at the last two points found on it: at the next one by about what the polynomial through
-/// both says that vanishes at the ends. Points close together on the curve then cost a few corrections alone.
+/// The error of the cubic interpolation at the last two points found on the curve. At the next point it is predicted by the polynomial
+/// through both errors that vanishes at the ends, so that points close together cost only a few corrections.
 #[derive(Default)]
 struct Misses {
     last: Option<(f64, Vec<f64>)>,
@@ -347,7 +347,7 @@ struct Misses {
 }
 
 impl Misses {
-    /// Adds what the interpolation will miss at s to x; `end` is the length of the step.
+    /// Adds the predicted interpolation error at s to x; `end` is the length of the step.
     fn add(&self, s: f64, end: f64, x: &mut [f64]) {
         const FARTHEST: f64 = 2.0;
         let Some((s0, last)) = &self.last else { return };
@@ -399,7 +399,7 @@ mod tests {
     use crate::continuation::testing::Plane;
     use crate::piecewise::PiecewiseSmooth;
 
-    /// From two points a miss s (L − s) (a + b s) is known everywhere, from one of them with b = 0.
+    /// From two points an error s (L − s) (a + b s) is known everywhere, from one of them with b = 0.
     #[test]
     fn misses_that_are_cubic_are_told_exactly() {
         let miss = |s: f64, b: f64| s * (2.0 - s) * (0.3 + b * s);
@@ -423,8 +423,8 @@ mod tests {
         }
     }
 
-    /// H = y − α within a test function, in units a million times larger: what x misses the curve by, in its last digits, is no distance
-    /// from the facet.
+    /// H = y − α within a test function, in units a million times larger: the distance of x from the curve, in its last digits, is no
+    /// distance from the facet.
     #[test]
     fn test_functions_do_not_contain_the_residual() {
         let map = Plane::within(

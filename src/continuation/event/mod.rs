@@ -1,4 +1,4 @@
-//! What may happen along a curve: what lies inside a step, where exactly, what of it happens together, and what leaves from there.
+//! Events along a curve: detection within a step, location, coincidence, and the arms that leave.
 
 pub(super) mod arms;
 mod branch_point;

@@ -1,4 +1,4 @@
-//! Functions of the user whose zeros along a curve are located and recorded.
+//! Monitor functions of the user: their zeros along a curve are located and recorded.
 
 use super::locate::side_factor;
 use super::watch::Monitor;
@@ -57,7 +57,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L> Continuation<'a, P, L> {
 
 impl<'a> Curve<'a> {
     fn watch(&mut self, name: String, function: Function<'a>, stops: bool) {
-        // A resumed run knows the side: at a zero just passed the value is rounding noise.
+        // A resumed run has stored the sign: next to a zero just passed the value is rounding noise.
         let side = match self.saved_sides.get(self.watches.len()) {
             Some(side) => *side,
             None => sign(self.map.at(&self.here.x, &function)),
@@ -70,7 +70,7 @@ impl<'a> Curve<'a> {
         });
     }
 
-    /// The values of watch k at `here` and at x, seen from the side of the curve, if its sign has changed in between.
+    /// The values of monitor k at `here` and at x, with the sign that is positive before the zero, if its sign has changed in between.
     pub(in crate::continuation) fn crossing(&self, k: usize, x: &[f64]) -> Option<(f64, f64)> {
         let watch = &self.watches[k];
         let at = |x| watch.side * self.map.at(x, |x| watch.value(x));
@@ -78,7 +78,7 @@ impl<'a> Curve<'a> {
         (after < 0.0).then(|| (at(&self.here.x).max(0.0), after))
     }
 
-    /// The first zero of a watched function on the straight way of length `s` along the tangent.
+    /// The first zero of a monitor function on the segment of length `s` along the tangent.
     pub(in crate::continuation) fn first_crossing(&mut self, s: f64) -> Option<(f64, Monitor)> {
         let mut first: Option<(f64, Monitor)> = None;
         for k in 0..self.watches.len() {
@@ -115,7 +115,7 @@ impl<'a> Curve<'a> {
         self.emit(Event::Monitor(crossing));
     }
 
-    /// Takes note of the sides of functions that vanished exactly so far.
+    /// Stores the signs of functions that vanished exactly so far.
     pub(in crate::continuation) fn refresh_sides(&mut self) {
         for watch in self.watches.iter_mut().filter(|w| w.side == 0.0) {
             watch.side = sign(self.map.at(&self.here.x, &watch.function));
@@ -133,7 +133,7 @@ fn sign(v: f64) -> f64 {
     }
 }
 
-/// A zero of g in [0, b] for values ga ≥ 0 > gb at the ends: bracketed secants (Anderson–Björck), halved where they creep.
+/// A zero of g in [0, b] for values ga ≥ 0 > gb at the ends: bracketed secants (Anderson–Björck), bisection where they converge slowly.
 fn zero(end: f64, (mut ga, mut gb): (f64, f64), mut g: impl FnMut(f64) -> f64) -> f64 {
     const LIMIT: usize = 200;
     let (mut a, mut b) = (0.0, end);

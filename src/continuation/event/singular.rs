@@ -1,4 +1,4 @@
-//! Smooth branch points to full accuracy, told apart from curves that pass each other.
+//! Smooth branch points to full accuracy, distinguished from curves that pass each other.
 
 use super::branch_point::{BranchSystem, Singular};
 use super::watch::{Monitor, Unresolved};
@@ -7,7 +7,7 @@ use crate::continuation::engine::{Curve, State};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{distance, dot, norm};
 
-/// Distance to a facet, relative to 1 + ‖x‖, up to which a curve that is stuck is taken to have crept up to it.
+/// Distance to a facet, relative to 1 + ‖x‖, up to which a curve whose steps are rejected is taken to have approached it.
 const CREEP: f64 = 1e-6;
 /// Largest determinant, relative to that at the start of the step, of a bracketed point that counts as singular.
 pub(in crate::continuation) const ZERO_DETERMINANT: f64 = 1e-6;
@@ -27,7 +27,7 @@ impl Curve<'_> {
     }
 
     /// Moves `next`, whose orientation differs from that of `here`, to the branch point in between. There is one only if the extended
-    /// system has a regular solution on the curve of `here`; otherwise the step has gone over to a curve that passes nearby.
+    /// system has a regular solution on the curve of `here`; otherwise the step has jumped to a curve that passes nearby.
     pub(in crate::continuation) fn resolve_flip(
         &mut self,
     ) -> Result<Result<(), Unresolved>, ContinuationError> {
@@ -39,7 +39,7 @@ impl Curve<'_> {
         {
             return self.arrive_at(&found);
         }
-        // The determinant as a guide to where.
+        // The zero of the determinant as the guess.
         if self.locate(Monitor::Singular)?.is_none() {
             return Ok(Err(Unresolved::Crossing));
         }
@@ -49,7 +49,7 @@ impl Curve<'_> {
         }
     }
 
-    /// Whether x lies near the stretch from `here` to `beyond`; not if it is `here`, a branch point just left.
+    /// Whether x lies near the segment from `here` to `beyond`; not if it is `here`, a branch point that the curve has just left.
     fn is_between(&self, x: &[f64], beyond: &State) -> bool {
         const NEAR: f64 = 0.1;
         const LEFT: f64 = 1e-6;
@@ -86,7 +86,7 @@ impl Curve<'_> {
                 return Ok(Err(Unresolved::Crossing));
             }
             if share == HALF {
-                // No other one may lie before it or behind.
+                // No other one may lie before or beyond it.
                 self.find_decline(&mut state, target.s)?;
                 if state.decline.is_some_and(|d| !(0.0..=2.0).contains(&(d * left))) {
                     return Ok(Err(Unresolved::Crossing));
@@ -124,7 +124,7 @@ impl Curve<'_> {
         self.here.t.iter().zip(chord).map(|(t, c)| t * c).sum()
     }
 
-    /// The next facet, where it is met at a branch point of the frozen selection: there its corrector fails on both sides. The
+    /// The next facet, if it is crossed at a branch point of the frozen selection, where the corrector fails on both sides. The
     /// point is extrapolated along the tangent and found by the extended system.
     pub(in crate::continuation) fn event_at_branch_point(
         &mut self,
@@ -145,7 +145,7 @@ impl Curve<'_> {
                 }
             }
         }
-        // Steps that crept up to the point are much shorter than what is left to it.
+        // Steps shortened towards the point are much shorter than the distance that remains.
         let far = 2.0 * h.max(CREEP * (1.0 + norm(&self.here.x)));
         let Some((s, monitor)) = nearest.filter(|n| n.0 <= far) else {
             return Ok(None);
@@ -183,7 +183,7 @@ impl Curve<'_> {
     }
 }
 
-/// The tangent at x of the arc of a circle from `start`: there the tangents at both ends mirror each other in the chord.
+/// The tangent at x of the circular arc from `start`: the tangents at both ends are mirror images in the chord.
 pub(in crate::continuation) fn mirrored_tangent(start: &State, x: &[f64]) -> Vec<f64> {
     let chord: Vec<f64> = x.iter().zip(&start.x).map(|(a, b)| a - b).collect();
     let along = 2.0 * dot(&chord, &start.t) / dot(&chord, &chord);
@@ -209,11 +209,11 @@ mod tests {
         let between = |x: [f64; 2]| curve.is_between(&x, &beyond);
         assert!(between([0.0, 0.5]) && between([0.09, 0.5]) && between([0.0, 1e-5]));
         assert!(!between([0.11, 0.5]) && !between([0.0, 1.1]));
-        // The start itself, or what rounding makes of it: a branch point just left.
+        // The start itself, up to rounding: a branch point that the curve has just left.
         assert!(!between([0.0, 0.0]) && !between([0.0, 5e-7]) && !between([0.0, -0.5]));
     }
 
-    /// A singular point on the line is arrived at along the line, with its orientation; beside the line, or beside the curve, it is not.
+    /// A singular point on the line is reached along the line, with its orientation; one beside the line, or beside the curve, is not.
     #[test]
     fn branch_points_are_arrived_at_along_the_curve() {
         let map = line();
@@ -237,7 +237,7 @@ mod tests {
         assert!(!arrives([0.05, 0.5], true, false));
     }
 
-    /// y² = α² along y = α towards the branch point at 0: the facet that is met there is found, one that is met beside it is not there.
+    /// y² = α² along y = α towards the branch point at 0: a facet through the branch point is found, one that passes beside it is not.
     #[test]
     fn only_a_facet_through_the_branch_point_is_met_there() {
         let at: Function = |_, a| [-a, 0.0, -1.0];

@@ -11,14 +11,14 @@ use crate::continuation::{
 use crate::piecewise::{ActiveSet, PiecewiseSmooth, Vanishing};
 use crate::sparse::distance;
 
-/// An arm within this distance of the reversed tangent of arrival is the one the curve came along.
+/// An arm within this distance of the reversed tangent of arrival is the arm of arrival.
 const INCOMING: f64 = 1e-5;
 const INCOMING_SINGULAR: f64 = 1e-2;
 /// An arm within this distance of the tangent of arrival goes straight on.
 const STRAIGHT: f64 = 1e-5;
 
 impl Curve<'_> {
-    /// Passes the transition at `here`, where test function `index` vanishes.
+    /// Handles the transition at `here`, where test function `index` vanishes.
     pub(in crate::continuation) fn pass_transition(&mut self, index: usize) -> Result<(), ContinuationError> {
         let vanishing = self.met_together(index)?;
         let indices = vanishing.iter().map(|v| v.index).collect();
@@ -67,7 +67,7 @@ impl Curve<'_> {
     }
 
     /// The arms where a single facet between two pieces is crossed: the kernel of the selection beyond it. Its sign is fixed by the
-    /// margin of the cell entered; the determinant must say the same (∇H jumps by c ⊗ ∇θ).
+    /// margin of the cell entered; the determinant must agree (∇H jumps by c ⊗ ∇θ).
     fn simple_arms(
         &mut self,
         vanishing: &[Vanishing],
@@ -122,7 +122,7 @@ impl Curve<'_> {
         }
     }
 
-    /// The tangent of arrival is extrapolated: the arm meant is the one that it is next to.
+    /// The tangent of arrival is extrapolated: the arm of arrival is the one nearest to it.
     fn snap_tangent(&mut self, arms: &Arms) {
         const NEAR: f64 = 0.05;
         let far = |a: &Arm| {
@@ -187,13 +187,13 @@ impl Curve<'_> {
         }
     }
 
-    /// Passes a point where the Jacobian of the followed selection (or of a co-active one) is singular.
+    /// Handles a point where the Jacobian of the followed selection (or of a co-active one) is singular.
     pub(in crate::continuation) fn pass_branch_point(
         &mut self,
         coactive: Option<usize>,
     ) -> Result<(), ContinuationError> {
         if coactive.is_none() {
-            // On a facet there is no going straight on: what leaves the cell here is a transition.
+            // On a facet the curve cannot go straight on: if it leaves the cell here, the point is a transition.
             if let Some(index) = self.facet_left_here() {
                 self.here.orientation = None;
                 return self.pass_transition(index);
@@ -221,7 +221,7 @@ impl Curve<'_> {
         let near = |a: &Arm| distance(&a.tangent, &straight.tangent) < 1e-3;
         let k = match arms.list.iter().position(near) {
             Some(k) => {
-                // The followed selection is kept: it is regular, or its curve is the one we are on.
+                // The followed selection is kept: it is regular, or its curve is the one that is followed.
                 arms.list[k].selection = straight.selection;
                 k
             }
@@ -240,7 +240,7 @@ impl Curve<'_> {
         self.emit(Event::BranchPoint(event));
         let mut watched = std::mem::take(&mut self.coactive);
         self.adopt(&arms.list[k], &vanishing)?;
-        // At the point itself signs are rounding noise; behind it exactly one has flipped.
+        // At the point itself signs are rounding noise; beyond it exactly one has flipped.
         match coactive {
             Some(k) => {
                 watched[k].1 = watched[k].1.map(|s| -s);
@@ -303,7 +303,7 @@ mod tests {
     use super::*;
     use crate::continuation::testing::Plane;
 
-    /// Of the arms at a point the one that the curve came along goes, and none beside it.
+    /// Of the arms at a point the arm of arrival is removed, and no other.
     #[test]
     fn arms_beside_the_incoming_one_stay() {
         let map = Plane::within(|y, _| [y, 1.0, 0.0], &[]);

@@ -1,4 +1,4 @@
-//! Angles and distances to facets in whatever units the variables are.
+//! Angles and distances to facets, independent of the units of the variables.
 
 use crate::newton::equilibrate;
 use crate::piecewise::{PiecewiseSmooth, Selection, TestLayout, Vanishing};
@@ -7,17 +7,16 @@ use crate::sparse::{Matrix, norm};
 /// Rate of a test function, relative to its gradient, up to which a direction runs inside the facet.
 const TANGENTIAL: f64 = 1e-9;
 
-/// Entries of ∇H that are smaller than this part of the largest one in their row may be rounding errors: they tell no units.
+/// Entries of ∇H smaller than this fraction of the largest one in their row may be rounding errors: they determine no units.
 const ROUNDING: f64 = 1e-13;
 
-/// Lengths of vectors depend on the units of the variables: what is small in units that lie far apart need not be small at all. Rates and
-/// values of test functions that count as none have to be small in the units of ∇H^(σ), too, in which the entries of its columns
-/// are of one size.
+/// Lengths of vectors depend on the units of the variables: what is small in badly scaled units need not be small. Rates and values of test
+/// functions that count as zero have to be small in the units of ∇H^(σ), too, in which the entries of its columns are of one size.
 pub(super) struct Units<'a, P: ?Sized> {
     map: &'a P,
     selection: &'a Selection,
     x: &'a [f64],
-    /// Found where something small is met; empty until then.
+    /// Computed once a small value occurs; empty until then.
     units: Vec<f64>,
     /// Whether their columns of ∇H are 0.
     unseen: Vec<bool>,
@@ -34,7 +33,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         }
     }
 
-    /// The largest rate along a unit vector that counts as none; `size` is the norm of the gradient of the test function.
+    /// The largest rate along a unit vector that counts as zero; `size` is the norm of the gradient of the test function.
     pub(super) fn least_rate(&mut self, v: &Vanishing, rate: f64, size: f64, t: &[f64]) -> f64 {
         let bound = TANGENTIAL * size;
         if rate == 0.0 || rate.abs() > bound || rate.is_nan() {
@@ -54,7 +53,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         theta.abs() <= distance * (one + self.length(self.x)) * gradient
     }
 
-    /// Whether two unit vectors, which are nearly the same, have no larger `angle` in these units, but for rounding of their entries.
+    /// Whether two unit vectors, which are nearly the same, have no larger `angle` in these units, up to rounding of their entries.
     pub(super) fn are_near(&mut self, a: &[f64], b: &[f64], angle: f64) -> bool {
         if a == b {
             return true;
@@ -90,7 +89,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         let own = (self.map.has_nested_kinks())
             .then(|| v.of_selection(self.map, &TestLayout::new(self.map), self.selection, self.x));
         let gradient = &own.as_ref().unwrap_or(v).gradient;
-        // Unknowns of which ∇H knows nothing, along its kernel: ∇θ alone tells their units.
+        // Unknowns whose columns of ∇H vanish: their units come from ∇θ.
         let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
         let entries = gradient.iter().zip(&self.units).zip(&self.unseen);
         let known = largest(&mut entries.filter(|e| !e.1).map(|((g, d), _)| (g * d).abs()));

@@ -1,4 +1,4 @@
-//! What lies inside a step: monitors whose signs differ at its ends, and which of them is met first.
+//! Events inside a step: monitors whose signs differ at its ends, and which of them is reached first.
 
 use std::borrow::Cow;
 
@@ -9,7 +9,7 @@ use crate::continuation::engine::Curve;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::norm;
 
-/// A scalar function along the curve whose sign must not change unnoticed.
+/// A scalar function along the curve whose changes of sign are events.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::continuation) enum Monitor {
     /// A facet of the current cell of a site: its test function (position among all).
@@ -22,7 +22,7 @@ pub(in crate::continuation) enum Monitor {
     Singular,
     /// The same of a co-active selection (its number).
     Coactive(usize),
-    /// A function of the user (its number).
+    /// A monitor function of the user (its number).
     User(usize),
 }
 
@@ -31,13 +31,13 @@ pub(in crate::continuation) enum Monitor {
 pub(in crate::continuation) enum Unresolved {
     /// An event.
     Event,
-    /// A change of orientation that no branch point explains: another curve passes nearby.
+    /// A change of orientation without a branch point: another curve passes nearby.
     Crossing,
 }
 
-/// Largest number of events met within one step, one before the other.
+/// Largest number of successively earlier events located within one step.
 const LIMIT: usize = 60;
-/// What rounding may move a located point along the curve, relative to 1 + ‖x‖.
+/// Distance along the curve, relative to 1 + ‖x‖, by which rounding may move a located point.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// α̇ below this counts as zero: the curve is vertical.
 pub(in crate::continuation) const VERTICAL: f64 = 1e-9;
@@ -54,7 +54,7 @@ impl Curve<'_> {
         let mut found = Vec::new();
         for _ in 0..LIMIT {
             let Some(monitor) = self.earliest(&found)? else {
-                // Beyond the event the curve of the selection may have gone anywhere: what comes before it shows now.
+                // Beyond the event the curve of the selection has no meaning: earlier events may show only with the event as the end.
                 if !found.is_empty() && self.dips_unseen() {
                     return Ok(Err(Unresolved::Event));
                 }
@@ -103,13 +103,13 @@ impl Curve<'_> {
                 let slack = match self.grazing.iter().find(|v| v.index == index) {
                     Some(v) => 100.0 * reach * v.gradient_norm,
                     None if located.is_empty() => 0.0,
-                    // Two facets met together must not take turns for ever.
+                    // Two facets crossed together must not alternate for ever.
                     None if located.contains(&Monitor::Facet { index, facet }) => {
                         reach * (g0 - g1).abs() / step
                     }
                     None => ROUNDING * size * (g0 - g1).abs() / step,
                 };
-                // A facet just left may be violated by rounding for a while.
+                // Next to a facet that the curve has just left, rounding may violate it.
                 let leaves = g1 < -slack && !(g0 <= 0.0 && g1 >= g0) && !self.is_rounding(index);
                 if leaves || (g1.is_nan() && !g0.is_nan()) {
                     let fraction = match self.return_to(index, facet) {
@@ -130,7 +130,7 @@ impl Curve<'_> {
             let arrived = a1 == value && a0 != value;
             let passed = if is_bound {
                 let outwards = if value == upper { 1.0 } else { -1.0 };
-                // A start on the bound may walk inwards, and a curve may touch it.
+                // A curve may start on the bound and go inwards, or touch the bound.
                 outwards * (a1 - value) > 0.0 || (arrived && outwards * t1 > VERTICAL)
             } else {
                 (a0 - value) * (a1 - value) < 0.0 || arrived
@@ -171,8 +171,8 @@ impl Curve<'_> {
         Ok(best.map(|b| b.1))
     }
 
-    /// Whether a test function in whose zeros the curve runs has moved by rounding alone: its rates at both ends of the step do not account for
-    /// what it has become.
+    /// Whether a test function in whose zero set the curve runs has changed by rounding alone: its rates at both ends of the step do not
+    /// account for its value.
     fn is_rounding(&self, index: usize) -> bool {
         if !self.grazing.iter().any(|v| v.index == index) {
             return false;
@@ -187,8 +187,8 @@ impl Curve<'_> {
         self.next.theta[index].abs() > UNEXPLAINED * self.next.s * fastest
     }
 
-    /// Whether a facet may be crossed twice inside the step: its cubic interpolant from values and slopes at both ends dips
-    /// below zero although both ends are inside.
+    /// Whether a facet may be crossed twice inside the step: its cubic Hermite interpolant is negative in between although both
+    /// ends are inside.
     fn dips_unseen(&self) -> bool {
         if self.map.is_piecewise_affine() {
             return false;
@@ -230,7 +230,7 @@ impl Curve<'_> {
         Cow::Owned(rates)
     }
 
-    /// Keeps these rates, which every facet that is left inside the step asks for.
+    /// Stores these rates, which are needed for every facet crossed inside the step.
     fn note_departure(&mut self) {
         if !self.departure.is_of(self) && !self.map.is_piecewise_affine() {
             self.departure = Departure {
@@ -275,7 +275,7 @@ impl Departure {
     }
 }
 
-/// Least value on [0, 1] of the cubic with the given values and slopes at the ends, the slopes pointing inwards down.
+/// Least value on [0, 1] of the cubic with the given values and slopes at the ends, both decreasing towards the interior.
 fn hermite_min(g: [f64; 2], d: [f64; 2]) -> f64 {
     let a = 2.0 * g[0] - 2.0 * g[1] + d[0] + d[1];
     let b = -3.0 * g[0] + 3.0 * g[1] - 2.0 * d[0] - d[1];
@@ -307,7 +307,7 @@ mod tests {
         },
     ];
 
-    /// Which facet a step of length 1 along y = 0 leaves, where the first test function has these values at its ends.
+    /// Which facet a step of length 1 along y = 0 crosses, where the first test function has these values at its ends.
     fn left(values: [f64; 2], located: &[Monitor]) -> Option<Monitor> {
         let map = Plane::within(
             |y, _| [y, 1.0, 0.0],
@@ -397,7 +397,7 @@ mod tests {
     }
 
     /// Test functions that fall from 1 to −4⁹⁻ᵏ at α = 1 − k/20, k = 1, …, 9: the one that falls deepest, and last, seems to vanish first. Each
-    /// that is located brings the one before it to light, down to α = 11/20.
+    /// location reveals the one before it, down to α = 11/20.
     #[test]
     fn facets_behind_one_another_are_all_looked_for() {
         fn falls<const K: i32>(_: f64, alpha: f64) -> [f64; 3] {

@@ -7,7 +7,7 @@ use crate::sparse::norm;
 
 /// Largest number of deflated steps.
 const STEPS: usize = 60;
-/// A residual reduced by this much, against the terms of H at the start of the run, is left to the corrector.
+/// Reduction of the residual, relative to the terms of H at the start of the run, from which on the corrector takes over.
 const CLOSE: f64 = 1e-6;
 
 /// Workspace of a map for steps at fixed parameter.

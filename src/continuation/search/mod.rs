@@ -1,4 +1,4 @@
-//! As many solutions at a fixed parameter as can be found, where there are too many selections to try or pieces are curved.
+//! Heuristic search for solutions at a fixed parameter, where there are too many selections to enumerate or pieces are curved.
 
 mod deflation;
 mod options;
@@ -16,10 +16,10 @@ use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, active_set, c
 use crate::sparse::{distance, norm};
 use crate::spread::Random;
 
-/// Active selections up to which the index of a solution is sought.
+/// Active selections up to which the index of a solution is computed.
 const MAX_ACTIVE: u64 = 256;
 
-/// What led to a solution.
+/// How a solution was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -37,7 +37,7 @@ pub enum FoundBy {
 }
 
 impl FoundBy {
-    /// The way in words.
+    /// The origin in words.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -65,29 +65,29 @@ pub struct FoundSolution {
     pub x: Vec<f64>,
     /// A selection active there.
     pub selection: Selection,
-    /// Sign of det ∇_yH^(σ) of that selection: 0 when singular, `None` when the linear solver knows no determinants.
+    /// Sign of det ∇_yH^(σ) of that selection: 0 when singular, `None` when the linear solver provides no determinants.
     pub det_sign: Option<i8>,
     /// The [local index](crate::piecewise::local_index), where it is known, of at most 256 active selections.
     pub index: Option<i8>,
-    /// What led to it.
+    /// How it was found.
     pub by: FoundBy,
 }
 
-/// The solutions that a search has found. Nothing says that they are all: a search never certifies completeness.
+/// The solutions that a search has found. There may be others: a search never certifies completeness.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FoundSolutions {
     /// The solutions, in the order in which they were found.
     pub solutions: Vec<FoundSolution>,
-    /// Σ of the local indices, where all are known: an evidence. If it is not the degree of the map (+1 for Coulomb friction
-    /// with F ≥ 0, for P-matrix and coercive problems) solutions are missing; if it is, those that miss cancel out.
+    /// Σ of the local indices, where all are known. If it is not the degree of the map (+1 for Coulomb friction with F ≥ 0, for P-matrix
+    /// and coercive problems) solutions are missing; if it is, the indices of any missing solutions add up to 0.
     pub index_sum: Option<i64>,
     /// Number of Newton runs, deflated ones included.
     pub runs: usize,
     /// Number of them that ended in a solution, known or not.
     pub converged: usize,
-    /// Edges of curves followed at this α as a whole: continua of solutions met.
+    /// Edges that lie at this α as a whole: continua of solutions.
     pub continua: usize,
     /// Rounds done; the last one found nothing new unless a limit or the observer ended the search.
     pub rounds: usize,
@@ -105,7 +105,7 @@ impl fmt::Display for FoundSolutions {
 
 /// Searches for solutions of H(y, α) = 0 at fixed `alpha` (of H(x) = 0 for a map without parameter; `alpha` is then ignored):
 /// from the given starts, from random points and selections, from selections next to those of known solutions, by deflation of
-/// what is known, and along the curves through it. For maps of any kind and size; where pieces are affine and sites few,
+/// known solutions, and along the curves through them. For maps of any kind and size; where pieces are affine and sites few,
 /// [`all_solutions`](crate::enumeration::all_solutions) gives a list that is complete.
 ///
 /// Starts are points x of the map; their last entry is replaced by `alpha` for a curve. Without starts, 0 is one.
@@ -238,7 +238,7 @@ impl SolutionSearch<'_> {
             if self.is_over() {
                 return Ok(());
             }
-            // Every other start comes from a selection: with many sites few selections hold a random point.
+            // Every other start comes from a selection: with many sites random points lie in the cells of few selections.
             let start = if k % 2 == 0 && self.map.num_sites() > 0 {
                 self.random_selection_start()
             } else {
@@ -277,7 +277,7 @@ impl SolutionSearch<'_> {
         self.ended
     }
 
-    /// Size of what is known.
+    /// Size of the known solutions.
     fn unit(&self) -> f64 {
         let n = self.map.num_residuals();
         let entries = self.found.solutions.iter().flat_map(|s| &s.x[..n]);
@@ -299,7 +299,7 @@ impl SolutionSearch<'_> {
         self.at_parameter(x)
     }
 
-    /// A point on a solution known, or 0.
+    /// A known solution, or 0.
     fn base(&mut self) -> (Vec<f64>, Option<Selection>) {
         let count = self.found.solutions.len();
         if count == 0 {
@@ -400,7 +400,7 @@ impl SolutionSearch<'_> {
         Ok(())
     }
 
-    /// Follows the curves through the solutions that are new since last time, and takes what they meet at α.
+    /// Follows the curves through the solutions that are new since the last call, and adds their solutions at α.
     fn follow(&mut self) -> Result<(), ContinuationError> {
         let curve = self.map.num_vars() > self.map.num_residuals();
         let (Some(reach), true, false) = (self.options.reach, curve, self.is_over()) else {

@@ -6,7 +6,7 @@ use crate::continuation::{ContinuationError, Termination};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::norm;
 
-/// Residual, in rounding errors of its terms, above which a step of refinement pays.
+/// Residual, in rounding errors of its terms, above which a step of refinement is made.
 const ROUNDING: f64 = 1.0;
 /// The same, above which the point reached is corrected.
 const DRIFT: f64 = 64.0;
@@ -15,7 +15,7 @@ const REORDERED: usize = 8;
 
 impl Curve<'_> {
     /// Goes along the tangent to the first facet, parameter value or limit. Both curve and test functions are affine, so the
-    /// ratio of value and rate is exact.
+    /// ratio test is exact.
     pub(in crate::continuation) fn step_affine(&mut self) -> Result<(), ContinuationError> {
         let mut rates = std::mem::take(&mut self.rates);
         rates.resize(self.layout.total(), 0.0);
@@ -60,7 +60,7 @@ impl Curve<'_> {
             (s, event) = (ahead, Some(crossing));
         }
         self.go(s, event)?;
-        // Rates may be differences, too coarse to tell the order of facets that are close together: values at both ends are not.
+        // Rates may be difference quotients, too inaccurate for the order of close facets; values at both ends are accurate.
         for _ in 0..REORDERED {
             let Some((sooner, crossing)) = self.crossed_before(event) else {
                 break;
@@ -134,14 +134,14 @@ impl Curve<'_> {
         self.grazing.iter().any(|v| v.index == index)
     }
 
-    /// How far the tangent may be followed at most: to the limit on arclength, or where ‖x‖ exceeds its bound; whether it is the former.
+    /// Largest distance along the tangent: to the limit on arclength, or to the bound on ‖x‖; and whether it is the former.
     fn farthest(&self) -> (f64, bool) {
         let room = (self.options.max_arclength - self.arclength).max(0.0);
         let bound = self.options.max_growth * self.size + norm(&self.here.x);
         (room.min(bound), room <= bound)
     }
 
-    /// Removes what rounding has added up along the curve.
+    /// Removes the rounding errors accumulated along the curve.
     fn settle(&mut self) -> Result<(), ContinuationError> {
         let mut r = std::mem::take(&mut self.residual);
         r.resize(self.map.num_residuals(), 0.0);

@@ -45,7 +45,7 @@ impl Curve<'_> {
                 Ok(())
             }
             Some(Monitor::Fold) => {
-                // Rounding must not leave the fold ahead.
+                // Rounding must not put the fold ahead of the point.
                 if let Some(rate) = self.here.t.last_mut() {
                     *rate = 0.0;
                 }
@@ -107,8 +107,8 @@ impl Curve<'_> {
         Ok(())
     }
 
-    /// Whether the stretch of curve from `here` to `next` leads through the start, where `next` is put then. It does if the point of this
-    /// very stretch abreast of the start is the start: another stretch that passes nearby leads elsewhere, though the start solves
+    /// Whether the arc from `here` to `next` passes through the start, to which `next` is moved in this case. It does if the point of this
+    /// arc in the hyperplane through the start is the start: an arc that passes nearby does not, though the start solves
     /// H^(σ)(x) = 0 for its selection, too.
     fn closes(&mut self) -> Result<bool, ContinuationError> {
         let length = distance(&self.here.x, &self.next.x);
@@ -129,7 +129,7 @@ impl Curve<'_> {
             }
             self.complete_state(&mut abreast)?;
         }
-        // Where the curve runs back beside itself, closer than that, it runs the other way.
+        // Where the curve returns beside itself, closer than that, its direction is the opposite one.
         let (selection, start) = (self.selection.clone(), self.start.clone());
         let at_start = self.orientation_of(&selection, &start, &abreast.t)?;
         if let (Some(here), Some(there)) = (abreast.orientation, at_start)

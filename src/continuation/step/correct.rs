@@ -37,7 +37,7 @@ impl Curve<'_> {
             Err(PiecewiseError::Linear(_)) => return Ok(None),
             Err(e) => return Err(e.into()),
         };
-        // The terms that cancel may have been smaller so far: none at all on leaving a branch point at the origin.
+        // The terms that cancel may have been smaller so far: zero on leaving a branch point at the origin.
         let mut sizes = std::mem::take(&mut self.next_sizes);
         sizes.clear();
         let Self { next, options, .. } = self;
@@ -55,7 +55,7 @@ impl Curve<'_> {
         let known = self.find_decline(&mut next, h);
         self.next = next;
         known?;
-        // Only now: the factors may have been made anew.
+        // Only after the corrector, which may have refactored.
         self.next.orientation = self.corrector.orientation(&self.next.t);
         self.next.det_sign = self.corrector.det_sign();
         let Some(mut shape) = self.shape(h) else {
@@ -63,14 +63,14 @@ impl Curve<'_> {
         };
         let flips = self.next.orientation != self.here.orientation;
         if !flips && self.is_doubtful(&shape, h, correction.iterations) && !self.holds_halfway(&shape)? {
-            // Perhaps for tangents that are those of the iterates before.
+            // The tangents may be those of the previous iterates.
             shape.turn = self.sharpen_tangents()?;
             let doubtful = self.is_doubtful(&shape, h, correction.iterations);
             if doubtful && !self.holds_halfway(&shape)? {
                 return Ok(None);
             }
         }
-        // The tangent is that of the iterate before, which may lie on the other side of a fold.
+        // The tangent is that of the previous iterate, which may lie on the other side of a fold.
         let blur = SAFETY * shape.turn / h * correction.step_norm;
         if self.next.t.last().is_some_and(|rate| rate.abs() <= blur) {
             self.sharpen_next()?;
@@ -91,7 +91,7 @@ impl Curve<'_> {
 mod tests {
     use crate::continuation::testing::Plane;
 
-    /// y + 1 = e^α with a residual that never vanishes to the last bit, where the terms of H had no size so far.
+    /// y + 1 = e^α with a residual that never vanishes to the last bit, where the terms of H were zero so far.
     #[test]
     fn terms_that_grow_within_a_step_count() {
         let map = Plane::within(|y, a| [(y + 1.0) - a.exp(), 1.0, -a.exp()], &[]);

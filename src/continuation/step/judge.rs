@@ -1,4 +1,4 @@
-//! Whether a corrected point lies on the curve, where the prediction pointed: else the step is to be shorter.
+//! Whether a corrected point lies on the same curve, near the prediction: else the step is shortened.
 
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State, generic_probe};
@@ -18,8 +18,8 @@ pub(super) struct Shape {
 }
 
 impl Curve<'_> {
-    /// The shape of a step whose `next` is where the prediction pointed: tangents agree, the chord is their mean, the length is that of
-    /// the step. `None` for others.
+    /// The shape of a step whose `next` agrees with the prediction: the tangents are close, the chord is close to their mean, and its
+    /// length to that of the step. `None` for others.
     pub(super) fn shape(&self, h: f64) -> Option<Shape> {
         let (a, b) = (&self.here, &self.next);
         let cos = dot(&a.t, &b.t);
@@ -44,7 +44,7 @@ impl Curve<'_> {
         })
     }
 
-    /// Fills in how the regularity of ∇H falls at a state, next to which the last factors were made, in steps of length h.
+    /// Sets the rate at which the regularity of ∇H falls at a state next to the point of the last factors, for steps of length h.
     pub(in crate::continuation) fn find_decline(
         &mut self,
         state: &mut State,
@@ -65,7 +65,7 @@ impl Curve<'_> {
             &mut self.behind,
         );
         self.sizes = sizes;
-        // Without an answer nothing is expected.
+        // Without an estimate no singular point is expected.
         state.decline = Some(decline?.unwrap_or(0.0));
         if self.probe.iter().any(|v| !v.is_finite()) {
             self.probe = generic_probe(self.probe.len());
@@ -73,12 +73,12 @@ impl Curve<'_> {
         Ok(())
     }
 
-    /// Whether a singular point is passed unseen between `here` and `next`, where the step ends at the event. So it is where the
-    /// regularity of ∇H would fall to zero in between if it went on as at one of the ends: the step has gone over to a curve that
-    /// crosses, or passes two crossings. Where it ends at a singular point that must be the first one.
+    /// Whether an undetected singular point lies between `here` and `next`, where the step ends at the event. It does if the regularity of
+    /// ∇H, extrapolated linearly from one of the ends, falls to zero in between: the step has jumped to a curve that crosses, or has
+    /// passed two crossings. If the step ends at a singular point, that must be the first one.
     pub(super) fn passes_unseen(&mut self, event: Option<Monitor>) -> bool {
         if self.here.decline.is_none() && self.next.s > 0.0 {
-            // The share of the singular point at the start of the step is known.
+            // The contribution of the singular point at the start of the step is known.
             let known = 1.0 / self.next.s;
             self.next.decline = self.next.decline.map(|d| d + known);
         }
@@ -91,14 +91,14 @@ impl Curve<'_> {
         self.next.orientation.is_some() && ahead.max(behind) > 1.0
     }
 
-    /// Angle below which tangents cannot be told apart. Those of arms at singular points come from differences.
+    /// Angle below which tangents cannot be distinguished. Those of arms at singular points come from difference quotients.
     fn tangent_noise(&mut self) -> f64 {
         let known = if self.here.decline.is_some() { 1e-9 } else { 1e-5 };
         let rcond = self.corrector.rcond().unwrap_or(1.0);
         known + 100.0 * f64::EPSILON / rcond.max(f64::EPSILON)
     }
 
-    /// Whether the step may have gone over to another curve: it turns much more than the last one, its chord is not that of an arc, or the
+    /// Whether the step may have jumped to another curve: it turns much more than the last one, its chord is not that of an arc, or the
     /// corrector converged slowly.
     pub(super) fn is_doubtful(&mut self, shape: &Shape, h: f64, corrections: usize) -> bool {
         const MORE: f64 = 2.0;
@@ -110,8 +110,8 @@ impl Curve<'_> {
         corrections > SLOW || (angle > 0.0 && angle > self.tangent_noise())
     }
 
-    /// Makes the tangents at both ends, which are those of the iterates before, anew and gives their distance. That at a singular point,
-    /// where kernels are noise, is kept.
+    /// Recomputes the tangents at both ends, which are those of the previous iterates, and returns their distance. That at a singular
+    /// point, where kernels are noise, is kept.
     pub(super) fn sharpen_tangents(&mut self) -> Result<f64, ContinuationError> {
         if self.here.decline.is_some() {
             let (x, mut t) = (self.here.x.clone(), std::mem::take(&mut self.here.t));
@@ -123,7 +123,7 @@ impl Curve<'_> {
         Ok(distance(&self.here.t, &self.next.t))
     }
 
-    /// Makes the tangent at `next` anew, and the sign of det ∇_yH, which goes with it.
+    /// Recomputes the tangent at `next`, and the sign of det ∇_yH with it.
     pub(super) fn sharpen_next(&mut self) -> Result<(), ContinuationError> {
         let (x, mut t) = (self.next.x.clone(), std::mem::take(&mut self.next.t));
         let made = self.sharpen(&x, &mut t);
@@ -134,7 +134,7 @@ impl Curve<'_> {
         Ok(())
     }
 
-    /// Makes the tangent t at x anew; `false` next to a singular point, where the tangent at hand serves.
+    /// Recomputes the tangent t at x; `false` next to a singular point, where the given tangent is kept.
     fn sharpen(&mut self, x: &[f64], t: &mut [f64]) -> Result<bool, ContinuationError> {
         match (self.corrector).linearize(&self.map, &self.selection, x, Some(t)) {
             Ok(tangent) => {
@@ -147,8 +147,8 @@ impl Curve<'_> {
         }
     }
 
-    /// Whether the curve between `here` and `next` is the smooth one that its ends suggest, by one correction halfway. It is not where the
-    /// step has gone over to another curve, across a crossing or beside it.
+    /// Whether the curve between `here` and `next` is the interpolant of its ends, tested by one correction halfway. It is not where the
+    /// step has jumped to another curve, across a crossing or beside it.
     pub(super) fn holds_halfway(&mut self, shape: &Shape) -> Result<bool, ContinuationError> {
         const STRAY: f64 = 0.02;
         const TILT: f64 = 0.2;

@@ -1,5 +1,5 @@
-//! One step along a curve: predict and correct with the selection frozen (`correct`), judge what came out (`judge`), watch for events
-//! inside (`event::watch`), and arrive at the first of them, or regularly (`arrive`). Affine pieces need no corrector (`affine`).
+//! One step along a curve: predict and correct with the selection frozen (`correct`), judge the result (`judge`), watch for events
+//! inside (`event::watch`), and arrive at the first of them, or at the regular end (`arrive`). Affine pieces need no corrector (`affine`).
 
 mod affine;
 mod arrive;
@@ -59,7 +59,7 @@ impl Curve<'_> {
         let longest = h;
         let leaves_singular = self.here.decline.is_none();
         if leaves_singular {
-            // Nothing is known of what lies ahead.
+            // No estimate ahead is available.
             h = (FIRST * h).max(self.options.min_step);
         }
         let (mut rejected, mut crossing) = (0, false);
@@ -98,7 +98,7 @@ impl Curve<'_> {
                         };
                         return self.arrive(first, corrections);
                     }
-                    // An event that cannot be located inside the step asks for a shorter one.
+                    // An event that cannot be located inside the step requires a shorter one.
                     Err(unresolved) => crossing = unresolved == Unresolved::Crossing,
                 }
             }

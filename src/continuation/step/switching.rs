@@ -73,8 +73,8 @@ impl Curve<'_> {
         }
     }
 
-    /// Whether `next`, corrected with `selection` in the end, goes on from `here` without a kink in between: what lies far from `here`
-    /// is beyond a fold or on another branch, and a selection that is no longer active was left at a kink.
+    /// Whether `next`, finally corrected with `selection`, continues the curve from `here` without a kink in between: a point far from
+    /// `here` is beyond a fold or on another branch, and a selection that is not active at `next` was left at a kink.
     fn accepts(&mut self, selection: &Selection, h: f64) -> bool {
         let (here, next) = (&self.here, &self.next);
         if dot(&here.t, &next.t) < self.options.min_cos || distance(&here.x, &next.x) > FARTHEST * h {
@@ -148,7 +148,7 @@ impl Curve<'_> {
             self.selection.copy_from(&selection);
             self.here.t = tangent;
             self.recorrect()?;
-            // The re-correction is a step of length zero that was not halved.
+            // The renewed correction is a step of length zero that was not halved.
             self.h = (self.options.step * self.options.growth).min(self.options.max_step);
             return Ok(());
         }
@@ -212,7 +212,7 @@ impl Curve<'_> {
             complete: false,
             ..Default::default()
         };
-        // The point is known to a few smallest steps only, and so is the tangent.
+        // The point, and so the tangent, is known to a few smallest steps only.
         let kind = kind(
             &self.here.t,
             arms.list.first(),

@@ -15,7 +15,7 @@ use crate::sparse::{dot, norm};
 pub struct CharacterChange {
     /// The point (y, α, β).
     pub x: Vec<f64>,
-    /// The selection of the family on the side kept.
+    /// The selection of the family on the side of the facet whose pieces are kept.
     pub selection: Selection,
     /// Whether the transitions before it, in the direction of the curve, are folds.
     pub folds_before: bool,
@@ -27,7 +27,7 @@ const HALVINGS: usize = 60;
 const DIFFERENCE: f64 = 1e-5;
 
 impl<P: PiecewiseSmooth> TransitionSet<P> {
-    /// The points of a followed curve where its character changes: where α folds on one side and does not on the other, as the
+    /// The points of a followed curve at which its transitions change between folds and pass-throughs, as the
     /// determinant of a piece beside the facet passes zero. Curves of [smooth folds](crate::continuation::FoldSet) end there. Points of codimension
     /// two where a second test function vanishes are transitions of the curve, and not repeated.
     ///
@@ -112,7 +112,8 @@ fn nodes_of(curve: &Branch) -> Vec<Node<'_>> {
     nodes
 }
 
-/// How far each variable moves along the curve: the units in which its planes are normal to it. What moves by rounding has the least of them.
+/// The range of each variable along the curve: the units in which the hyperplanes are normal to it. Variables that change by rounding alone
+/// have the smallest unit.
 fn extents(nodes: &[Node<'_>], sizes: &[f64]) -> Vec<f64> {
     const LEAST: f64 = 1e-8;
     let range = |j: usize| {
@@ -135,7 +136,7 @@ fn extents(nodes: &[Node<'_>], sizes: &[f64]) -> Vec<f64> {
     ranges.iter().zip(sizes).map(extent).collect()
 }
 
-/// Made once for all stretches of a curve.
+/// Workspace for all arcs of a curve.
 struct Tools {
     corrector: MoorePenrose<AutoSolver>,
     determinants: Determinants,
@@ -205,7 +206,7 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
         Ok(z)
     }
 
-    /// The point at s, reached from the first node along tangents, in steps as long as corrections serve.
+    /// The point at s, reached from the first node along tangents, in the longest steps for which the correction converges.
     fn walk(&mut self, s: f64) -> Result<Option<Vec<f64>>, PiecewiseError> {
         const TRIALS: usize = 60;
         let mut t = self.normal.clone();
@@ -225,7 +226,7 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
         Ok(None)
     }
 
-    /// The point at s, corrected from what the tangent t says of it at a distance from z; t becomes the tangent there.
+    /// The point at s, corrected from its prediction along the tangent t at z; t becomes the tangent there.
     fn corrected(
         &mut self,
         z: &[f64],
@@ -337,7 +338,7 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
 mod tests {
     use super::*;
 
-    /// A variable that moves, one that moves by 1e-6 about 5, one that moves by rounding, and one that is 0, whatever its unit.
+    /// A variable that changes, one that changes by 1e-6 about 5, one that changes by rounding, and one that is 0, whatever its unit.
     #[test]
     fn variables_are_measured_by_how_far_they_move() {
         let selection = Selection::uniform(0, 0);

@@ -16,9 +16,10 @@ use crate::sparse::{Matrix, Pattern};
 /// ```
 ///
 /// are 2n + 1 equations in the 2n + 2 variables (y, v, α, β) (Seydel 1979; Allgower and Georg 1990, ch. 8). s are the
-/// [typical sizes](PiecewiseSmooth::typical_sizes) that the family has of y, and v has, too. The set belongs to one selection: where the curve leaves its cell the fold stops being smooth, and the
-/// curve [ends](crate::continuation::TransitionKind::End) in a point of codimension two, where a [`TransitionSet`](crate::continuation::TransitionSet) takes over
-/// (its kink folds). [Smooth folds](crate::continuation::SmoothFold) of this curve are its turning points in β: cusps, and births of isolas.
+/// [typical sizes](PiecewiseSmooth::typical_sizes) of y in the family, and those of v. The set belongs to one selection: where the curve
+/// leaves its cell the fold is no longer smooth, and the curve [ends](crate::continuation::TransitionKind::End) in a point of codimension
+/// two, from which a [`TransitionSet`](crate::continuation::TransitionSet) continues it as non-smooth folds. [Smooth
+/// folds](crate::continuation::SmoothFold) of this curve are its turning points in β: cusps, and births of isolas.
 ///
 /// Second derivatives are central differences of Jacobians along v.
 ///
@@ -64,7 +65,8 @@ pub struct FoldSet<P> {
 
 /// Step of the central differences in units of s, relative to the largest of 1 and |x_j| / s_j: about the cube root of the rounding error.
 const STEP: f64 = 6e-6;
-/// Singular value up to which ∇_yH, its variables in units of s and the largest entry in each row of ∇H being 1, has a kernel at the fold given.
+/// Singular value up to which ∇_yH counts as singular at the given fold, with variables in units of s and the largest entry in each row of
+/// ∇H 1.
 const KERNEL: f64 = 1e-5;
 
 impl<P: PiecewiseSmooth> FoldSet<P> {
@@ -184,7 +186,7 @@ impl<P: PiecewiseSmooth> FoldSet<P> {
         jac.leading_columns(v.len()).mul_add(1.0, v, out);
     }
 
-    /// The column in which a variable of the family stands here.
+    /// The column of a variable of the family in this map.
     fn column(&self, j: usize) -> usize {
         let n = self.family.num_residuals();
         if j < n { j } else { j + n }

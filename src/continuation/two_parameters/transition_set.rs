@@ -10,11 +10,11 @@ use crate::sparse::{Matrix, Pattern};
 /// the last parameter β.
 ///
 /// The family is a map of n residuals in n + 2 variables, the parameters α and β last; the equation θ_k(y, α, β) = 0 is appended. At
-/// the site of θ_k only the pieces on one side of its facet are kept, without that facet: on θ_k = 0 the pieces of the other side say
-/// the same, up to the walls of the pieces kept: where a coefficient of friction falls below 0 the curve ends, though a node that only
-/// touches would go on. Transitions of the curve are its points of codimension two, where a second test function vanishes.
+/// the site of θ_k only the pieces on one side of its facet are kept, without that facet: on θ_k = 0 the pieces of the other side agree
+/// with them, up to the walls of the pieces kept: where a coefficient of friction falls below 0 the curve ends, though a node that only
+/// touches would continue. Transitions of the curve are its points of codimension two, where a second test function vanishes.
 ///
-/// A non-smooth fold is followed in the same way: [`is_fold`](Self::is_fold) tells where along the curve α folds.
+/// A non-smooth fold is followed in the same way: [`is_fold`](Self::is_fold) says where along the curve α folds.
 ///
 /// ```
 /// use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionSet};
@@ -59,7 +59,7 @@ pub struct TransitionSet<P> {
     kept: Vec<(usize, Vec<Facet>)>,
     /// A piece on the other side of the facet.
     beyond: Vec<usize>,
-    /// Pattern of the appended row is dense: the gradient of θ_k may fill it.
+    /// The pattern; its appended row is dense, as the gradient of θ_k may fill it.
     pattern: Pattern,
 }
 
@@ -95,7 +95,7 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
                 .collect()
         };
         let (above, below) = (owners(true), owners(false));
-        // The side with more pieces knows more about its own boundary.
+        // The side with more pieces is kept: its cells have more of the other facets.
         let (pieces, beyond) = if above.len() >= below.len() {
             (above, below)
         } else {
@@ -140,7 +140,7 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
         &self.family
     }
 
-    /// The selection of the family that a selection of this map stands for.
+    /// The selection of the family that corresponds to a selection of this map.
     #[must_use]
     pub fn family_selection(&self, selection: &Selection) -> Selection {
         let mut own = selection.clone();
@@ -201,7 +201,7 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
         }
     }
 
-    /// Sign and logarithm of |det ∇_yH| of a selection of the family: (0, −∞) where that is singular, `None` where the solver cannot tell.
+    /// Sign and logarithm of |det ∇_yH| of a selection of the family: (0, −∞) where that is singular, `None` where the solver has none.
     pub(super) fn determinant(
         &self,
         selection: &Selection,

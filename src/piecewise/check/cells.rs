@@ -149,7 +149,7 @@ impl Session<'_> {
         }
     }
 
-    /// Rows that a site does not own must not depend on its piece; those it owns are the same alone as in the whole Jacobian.
+    /// Rows outside `site_rows` must not depend on the piece of the site; the others must agree with those of the whole Jacobian.
     pub(super) fn site_rows(&mut self, point: usize, here: &Selection) {
         const TOLERANCE: f64 = 1e-12;
         let (map, x) = (self.map, &self.samples[point]);

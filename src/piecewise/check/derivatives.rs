@@ -13,7 +13,7 @@ pub(super) struct Quotients {
 }
 
 impl Quotients {
-    /// Richardson's extrapolation of central differences: the two steps tell the truncation error, the values the rounding error.
+    /// Richardson extrapolation of central differences: the two steps give the truncation error, the values the rounding error.
     pub(super) fn new(rows: usize, x: &[f64], steps: &[f64], f: impl Fn(&[f64]) -> Vec<f64>) -> Self {
         let (mut values, mut errors) = (Vec::new(), Vec::new());
         let mut y = x.to_vec();
@@ -66,7 +66,7 @@ impl Session<'_> {
         (value - quotient).abs() <= self.options.tolerance * quotient.abs().max(value.abs()) + error
     }
 
-    /// The piece to blame: that of the one site in which a selection differs from the one at the point, if it is one.
+    /// The piece at fault: that of the only site in which a selection differs from the one at the point, if there is only one.
     fn blame(&self, place: Place, here: &Selection, selection: &Selection) -> Place {
         let mut sites = here.differing_sites(selection);
         match (sites.next(), sites.next(), self.map.num_sites()) {
@@ -111,7 +111,7 @@ impl Session<'_> {
             }
             self.report.selections += 1;
             if let Some((i, j)) = jac.stray() {
-                // What it has left out elsewhere is no news.
+                // A missing entry is reported once.
                 self.find(FindingKind::StrayEntry, place.entry(i, j), 0.0, 1.0, &named);
                 continue;
             }

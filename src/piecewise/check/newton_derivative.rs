@@ -14,9 +14,9 @@ const DIRECTIONS: usize = 8;
 const HALVINGS: std::ops::RangeInclusive<i32> = 6..=20;
 /// Ratio of the steps of two difference quotients that are to agree.
 const FINER: f64 = 8.0;
-/// A remainder below this many times the rounding of its terms tells nothing.
+/// A remainder below this multiple of the rounding of its terms is not used.
 const NOISE: f64 = 30.0;
-/// Fewest distances that tell an order.
+/// Smallest number of distances that determine an order.
 const FEWEST: usize = 4;
 /// Orders below this one, measured over few distances, are none.
 const NO_ORDER: f64 = 0.1;
@@ -112,7 +112,7 @@ impl Check<'_> {
         }
     }
 
-    /// All that can be seen at a sample; the order found there.
+    /// The checks at a sample; returns the order found there.
     fn point(&mut self, point: usize, x: &[f64]) -> Option<f64> {
         let here = self.value(x);
         self.jacobian(x);
@@ -145,7 +145,7 @@ impl Check<'_> {
             let largest = (-f64::from(*HALVINGS.start())).exp2();
             self.entries(point, &moved(x, d, largest));
         }
-        // What comes of wrong entries is no more news.
+        // Consequences of wrong entries are not reported again.
         let wrong: Vec<usize> = self
             .findings
             .iter()
@@ -163,7 +163,7 @@ impl Check<'_> {
         let quotients = [&coarse, &fine].map(|steps| (steps, Quotients::new(n, y, steps, |z| self.value(z))));
         self.jacobian(y);
         if let Some(entry) = self.jac.stray() {
-            // What it has left out elsewhere is no news.
+            // A missing entry is reported once.
             let what = "Newton derivative".to_owned();
             self.find(FindingKind::StrayEntry, point, Some(entry), (0.0, 1.0), what);
             return;
@@ -181,7 +181,7 @@ impl Check<'_> {
             // NaN does not agree.
             let agree =
                 |a: f64, b: f64, error: f64| (a - b).abs() <= tolerance * a.abs().max(b.abs()) + error;
-            // Steps that are too long for the map tell of nothing; then they differ.
+            // The quotients of steps that are too long for the map disagree and are not used.
             let resolved = agree(quotient, other.0, error + other.1);
             if resolved && !agree(value, quotient, error) {
                 let what = "entry of the Newton derivative next to the sample".to_owned();
@@ -222,7 +222,7 @@ impl Check<'_> {
                     let point = (t.ln(), (remainder / t).ln(), (terms / t).ln());
                     seen[row].extend((!blind[row]).then_some(point));
                 } else {
-                    // What comes up again below the noise is noise.
+                    // Remainders that rise again below the noise level are noise.
                     blind[row] = !seen[row].is_empty();
                 }
             }
@@ -257,7 +257,7 @@ impl Check<'_> {
             sums[i].2 += term.abs();
         }
         for ((remainder, size, terms), largest) in sums.into_iter().zip(largest) {
-            // NaN is passed over.
+            // NaN is skipped.
             if remainder.abs() >= largest.0 && remainder.is_finite() {
                 *largest = (remainder.abs(), f64::EPSILON * size, terms);
             }
@@ -269,7 +269,7 @@ fn moved(x: &[f64], d: &[f64], t: f64) -> Vec<f64> {
     x.iter().zip(d).map(|(x, d)| x + t * d).collect()
 }
 
-/// Slope of the line of least squares.
+/// Slope of the least-squares line.
 fn slope(points: &[(f64, f64, f64)]) -> f64 {
     let count = points.len() as f64;
     let (mean_t, mean_r) = (

@@ -14,7 +14,7 @@ pub(super) fn steps(samples: &[Vec<f64>], vars: usize) -> Vec<f64> {
         .collect()
 }
 
-/// A check under way.
+/// A running check.
 pub(super) struct Session<'a> {
     pub(super) map: &'a dyn PiecewiseSmooth,
     pub(super) samples: &'a [Vec<f64>],
@@ -86,7 +86,7 @@ impl<'a> Session<'a> {
         self.findings.len() >= self.options.max_findings
     }
 
-    /// Notes a finding unless its like was found at another point already.
+    /// Records a finding unless the same one was found at another point already.
     pub(super) fn find(&mut self, kind: FindingKind, place: Place, expected: f64, found: f64, what: &str) {
         let Place {
             point,
