@@ -411,7 +411,7 @@ pub(crate) fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction>
 /// parameter_range : (float, float), optional
 ///     The curve ends where the parameter leaves it.
 /// direction : "increasing", "decreasing" or array of shape (n + 1,), optional
-///     With growing (unless given) or falling parameter, or along the arm nearest to a vector (one of ``arms`` of a transition).
+///     With increasing (the default) or decreasing parameter, or along the arm nearest to a vector (one of ``arms`` of a transition).
 /// jac : callable or "differences", optional
 ///     ``jac(x)`` of shape (n, n + 1), dense or scipy.sparse: H is then called, not traced, and must be smooth.
 /// pattern : matrix of shape (n, n + 1), optional

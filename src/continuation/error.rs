@@ -77,7 +77,7 @@ pub enum ContinuationError {
     /// A saved run contradicts the map.
     #[error(
         "the saved run is not one of this map, or it was altered: {what} is off by {deviation:e}; resume with the map of the saved run, or \
-         start anew from its point"
+         start a new run from its point"
     )]
     Saved {
         /// What contradicts the map.
@@ -88,7 +88,7 @@ pub enum ContinuationError {
     /// The two independent rules of orientation disagree at a transition.
     #[error(
         "at parameter {parameter}, {site}: the determinant and the test functions disagree on the orientation of the curve; \
-             an arm would be chosen by chance (the map may be discontinuous there: run `piecewise::check`)"
+             the choice of an arm would be arbitrary (the map may be discontinuous there: run `piecewise::check`)"
     )]
     Orientation {
         /// α at the transition.

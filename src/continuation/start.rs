@@ -128,7 +128,7 @@ fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, Co
     let rate = |a: &Arm| a.tangent.last().copied().unwrap_or(0.0);
     let (found, wanted) = match direction {
         Direction::Increasing => (arms.list.iter().find(|a| rate(a) > FLAT), "growing parameter"),
-        Direction::Decreasing => (arms.list.iter().find(|a| rate(a) < -FLAT), "falling parameter"),
+        Direction::Decreasing => (arms.list.iter().find(|a| rate(a) < -FLAT), "decreasing parameter"),
         Direction::Along(v) => {
             let length = norm(v);
             let unit: Vec<f64> = v.iter().map(|c| c / length).collect();
@@ -137,7 +137,7 @@ fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, Co
                 .iter()
                 .min_by(|a, b| distance(&a.tangent, &unit).total_cmp(&distance(&b.tangent, &unit)));
             let ahead = nearest.filter(|a| dot(&a.tangent, &unit) > 0.0);
-            (ahead, "a positive component along the vector given")
+            (ahead, "a positive component along the given vector")
         }
     };
     found.ok_or_else(|| no_arm(arms, wanted))
@@ -172,7 +172,7 @@ fn no_arm(arms: &Arms, wanted: &'static str) -> ContinuationError {
         kernel: undecided.dimension,
         reason: format!(
             "kernel of dimension {} along {}{more}, to rounding. There the solutions at this parameter are not unique, or rows of H depend on \
-             each other: choose among them by a small term (ε x_j added to the rows of these variables), or drop what does not matter. Or \
+             each other: choose among them by a small regularisation (ε x_j added to the rows of these variables), or drop unknowns that do not matter. Or \
              units of the unknowns lie so far apart that rounding hides what is regular: give `typical_sizes`",
             undecided.dimension,
             names.join(", ")

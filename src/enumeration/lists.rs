@@ -61,7 +61,7 @@ impl fmt::Display for Doubt {
             Self::NoCoefficients => "the map does not state its coefficients exactly, or has too many",
             Self::Rounding => "kernels of dimension two or more, or decisions within rounding",
             Self::Discontinuous => "the pieces do not agree on a facet between them",
-            Self::Coincidence => "no exact solution has all test functions vanish that count as vanishing",
+            Self::Coincidence => "at no exact solution do all test functions vanish that count as vanishing",
             Self::Limit => "the search reached its cap",
         })
     }
@@ -73,11 +73,11 @@ impl fmt::Display for Completeness {
             Self::Complete => f.write_str("complete"),
             Self::Incomplete { examined, total } => write!(
                 f,
-                "incomplete: {examined} of {total} selections examined or ruled out"
+                "incomplete: {examined} of {total} selections examined or excluded"
             ),
             Self::Undecided { selections: 0, doubt } => write!(f, "not proven: {doubt}"),
             Self::Undecided { selections, doubt } => {
-                write!(f, "not proven, {selections} left open: {doubt}")
+                write!(f, "not proven, {selections} undecided: {doubt}")
             }
         }
     }

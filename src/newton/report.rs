@@ -90,7 +90,7 @@ impl fmt::Display for Failure {
         match self {
             Self::MaxIterations => f.write_str("the limit on iterations was reached"),
             Self::Cycling => f.write_str("the iteration cycles between selections"),
-            Self::Stagnation => f.write_str("no step decreases the residual any more"),
+            Self::Stagnation => f.write_str("no acceptable step decreases the residual"),
             Self::Stationary { gradient_norm } => {
                 write!(
                     f,
@@ -99,7 +99,7 @@ impl fmt::Display for Failure {
             }
             Self::Singular => f.write_str("the Jacobian is singular"),
             Self::NotFinite => f.write_str("the map is not finite along every step tried"),
-            Self::Interrupted => f.write_str("the observer asked to stop"),
+            Self::Interrupted => f.write_str("the observer stopped the run"),
             Self::Linear { residual } => write!(
                 f,
                 "the Krylov method got no further than a relative residual of {residual:e}"

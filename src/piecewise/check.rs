@@ -114,12 +114,12 @@ pub struct CheckReport {
     pub boundaries: usize,
 }
 
-/// "20 points (2 more behind a wall): 31 Jacobians and 12 points on boundaries examined": in one line.
+/// "20 points (2 more beyond a wall): 31 Jacobians and 12 points on boundaries examined": in one line.
 impl fmt::Display for CheckReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", Count(self.points, "point", "points"))?;
         if self.outside > 0 {
-            write!(f, " ({} more behind a wall)", self.outside)?;
+            write!(f, " ({} more beyond a wall)", self.outside)?;
         }
         write!(
             f,

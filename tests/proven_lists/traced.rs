@@ -427,6 +427,6 @@ fn switched_formulas_are_proven_where_their_pieces_agree() {
     );
     assert_eq!(
         jumping.to_string(),
-        "not proven, 1 left open: the pieces do not agree on a facet between them"
+        "not proven, 1 undecided: the pieces do not agree on a facet between them"
     );
 }
