@@ -127,7 +127,7 @@ fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, Co
     const FLAT: f64 = 1e-10;
     let rate = |a: &Arm| a.tangent.last().copied().unwrap_or(0.0);
     let (found, wanted) = match direction {
-        Direction::Increasing => (arms.list.iter().find(|a| rate(a) > FLAT), "growing parameter"),
+        Direction::Increasing => (arms.list.iter().find(|a| rate(a) > FLAT), "increasing parameter"),
         Direction::Decreasing => (arms.list.iter().find(|a| rate(a) < -FLAT), "decreasing parameter"),
         Direction::Along(v) => {
             let length = norm(v);

@@ -7,11 +7,11 @@ use std::time::Duration;
 use semismooth::contact::{
     CondensedContact, ContactError, KrylovOutcome, LoadPath, LocalRow, LocalValues, NodeLaw,
     OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedError, ReducedNodes,
-    ReducedOptions, ReducedProgress, ReducedStep, ReducedStrategy, ReducedSystem, evolve, solve_reduced,
+    ReducedOptions, ReducedProgress, ReducedStep, ReducedStrategy, ReducedSystem, solve_reduced,
 };
 use semismooth::fem::Material;
 use semismooth::linear::LinearError;
-use semismooth::sparse::{Matrix, SparseError};
+use semismooth::sparse::SparseError;
 
 use crate::{block, constant, ground, rectangle, reduced_body};
 

@@ -3,13 +3,13 @@
 use std::ops::ControlFlow;
 
 use super::node::Node;
-use super::solve::{Outcome, ReducedError, ReducedNodes, ReducedObserver, Stop, agreed};
+use super::solve::{Outcome, ReducedError, ReducedNodes, ReducedObserver, Stop};
 use super::system::{KrylovOutcome, ReducedStep, ReducedSystem};
 use super::{
     ReducedIteration, ReducedOptions, ReducedProgress, ReducedReport, ReducedStrategy, ReducedTimes,
 };
 use crate::clock::{Clock, Deadline};
-use crate::contact::law::{LocalValues, NodeLaw};
+use crate::contact::law::NodeLaw;
 use crate::contact::{ContactError, ContactResiduals, ContactState};
 
 /// Number of full steps that do not halve the best residual, after which steps are damped.
@@ -196,7 +196,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
     fn solve(&mut self) -> Outcome<ReducedStrategy, S::Error> {
         let options = self.options;
         let start = self.best.u.clone();
-        let (mut found, mut u) = self.run(1.0, start, options.tolerance, options.max_iterations)?;
+        let (mut found, mut u) = self.iterate(1.0, start, options.tolerance, options.max_iterations)?;
         let mut strategy = ReducedStrategy::Newton;
         if found == Ended::Stuck && options.max_load_steps > 0 {
             let (again, other) = self.load_steps()?;
@@ -235,7 +235,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
     }
 
     /// Newton's method from u under a share of the load; the last iterate if it converged, else the best.
-    fn run(
+    fn iterate(
         &mut self,
         share: f64,
         mut u: Vec<f64>,
@@ -366,7 +366,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
             } else {
                 u.clone()
             };
-            match self.run(next, start, tolerance, limit)? {
+            match self.iterate(next, start, tolerance, limit)? {
                 (Ended::Solved, found) => {
                     (u, share) = (found, next);
                     step *= 2.0;

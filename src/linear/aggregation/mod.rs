@@ -50,7 +50,7 @@ struct Fine<const F: usize> {
     /// Components that never were free, a bit each.
     fixed: Vec<u8>,
     /// These and the components fixed at present.
-    constrained: Vec<u8>,
+    mask: Vec<u8>,
     added: BTreeMap<u32, [[f64; F]; F]>,
     /// The additions that the coarse levels include: slight changes are left out.
     known: BTreeMap<u32, [[f64; F]; F]>,
@@ -61,7 +61,7 @@ struct Fine<const F: usize> {
 
 impl<const F: usize> Constraints<F> for Fine<F> {
     fn constrained(&self, node: usize) -> u8 {
-        self.constrained[node]
+        self.mask[node]
     }
 
     fn added(&self, node: usize) -> Option<&[[f64; F]; F]> {
@@ -128,16 +128,15 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
             dense::mask_rows(m, *constrained);
         }
         let fine = Fine {
-            constrained: fixed.clone(),
+            mask: fixed.clone(),
             added: BTreeMap::new(),
             known: BTreeMap::new(),
             constrained: Vec::new(),
             smoother: Smoother::new(a, |i| fixed[i]),
             fixed,
         };
-        let dead = |i: usize| {
-            (0..F).any(|k| fine.constrained[i] >> k & 1 == 0 && fine.smoother.inverse[i][k][k] <= 0.0)
-        };
+        let dead =
+            |i: usize| (0..F).any(|k| fine.mask[i] >> k & 1 == 0 && fine.smoother.inverse[i][k][k] <= 0.0);
         if (0..a.nrows()).any(dead) {
             return Err(LinearError::NotPositiveDefinite);
         }
@@ -234,9 +233,9 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
             let node = i as usize;
             let wanted = fine.fixed[node] | now.get(&i).copied().unwrap_or(0);
             let (before, after) = (fine.added.get(&i), sums.get(&i));
-            let other = wanted != fine.constrained[node];
+            let other = wanted != fine.mask[node];
             if other || before != after {
-                fine.constrained[node] = wanted;
+                fine.mask[node] = wanted;
                 fine.smoother.invert(a, node, wanted, after);
             }
             if other || !is_near(a, node, fine.known.get(&i), after, slight) {
@@ -291,7 +290,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
     /// Overwrites b by the cycle's approximation to A⁻¹ b, zero in fixed components; [`LinearError::Interrupted`] once time is over.
     pub(crate) fn apply(&mut self, a: &Blocks<F, F>, b: &mut [f64]) -> Result<(), LinearError> {
         let Some(first) = &mut self.first else {
-            for (node, constrained) in self.fine.constrained.iter().enumerate() {
+            for (node, constrained) in self.fine.mask.iter().enumerate() {
                 (0..F)
                     .filter(|k| constrained >> k & 1 == 1)
                     .for_each(|k| b[F * node + k] = 0.0);

@@ -1,0 +1,126 @@
+//! Exact coefficients of traced maps, in abs-normal form.
+
+use super::{Kind, Kinks, MAX_COEFFICIENTS, Mode, NonsmoothFunction, Traced};
+use crate::piecewise::abs_normal::{AbsNormal, Added, Terms, abs_normal};
+use crate::piecewise::{
+    Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, PiecewiseSmooth,
+};
+
+impl<F: NonsmoothFunction> Traced<F> {
+    /// The abs-normal form, at any parameter or at one.
+    fn abs_normal(&self, fixed: Option<f64>) -> Option<AbsNormal> {
+        let found = abs_normal(self.num_vars(), fixed, self.num_residuals(), |x, out| {
+            self.function.eval(x, &mut Kinks::new(Mode::Switched), out);
+        })?;
+        let kinks = found.added.iter().filter_map(|added| match added {
+            Added::Kink { tests, .. } => Some(tests.len()),
+            Added::Quotient(_) => None,
+        });
+        kinks.eq(self.kinds.iter().map(|k| k.tests())).then_some(found)
+    }
+
+    /// Whether the last variable is a parameter.
+    fn has_parameter(&self) -> bool {
+        self.num_vars() != self.num_residuals()
+    }
+
+    /// The conditions of one kink, whose value z is an unknown: the test functions, and z less each of the pieces.
+    pub(super) fn site(
+        &self,
+        site: usize,
+        row: usize,
+        [tests, values]: [&[ExactForm]; 2],
+        z: &ExactForm,
+    ) -> ExactSite {
+        let minus = -&Exact::one();
+        let behind = tests.len();
+        let forms = tests
+            .iter()
+            .cloned()
+            .chain(values.iter().map(|v| z.plus(&minus, v)));
+        let pieces = (0..values.len()).map(|piece| ExactPiece {
+            piece,
+            equalities: vec![(row, behind + piece)],
+            facets: self
+                .cell(site, piece)
+                .iter()
+                .map(|f| (f.test(), if f.sign() > 0.0 { 1 } else { -1 }))
+                .collect(),
+        });
+        // The largest or the least of the pieces; a projection lies between its bounds where these are in their order.
+        let implied = match (self.kinds[site], values) {
+            (Kind::Max | Kind::Abs, _) => vec![(behind, 1), (behind + 1, 1)],
+            (Kind::Min, _) => vec![(behind, -1), (behind + 1, -1)],
+            (Kind::Mid, [lower, _, upper]) => {
+                let width = upper.plus(&minus, lower);
+                let constant = width.coefficients.iter().all(Exact::is_zero);
+                if constant && width.constant.sign() >= 0 {
+                    vec![(behind, 1), (behind + 2, -1)]
+                } else {
+                    Vec::new()
+                }
+            }
+            (Kind::Mid | Kind::Switch, _) => Vec::new(),
+        };
+        ExactSite {
+            forms: forms.collect(),
+            pieces: pieces.collect(),
+            implied,
+        }
+    }
+}
+
+/// The kinks, and quotients by numbers, are unknowns after those of the map: the abs-normal form (Griewank 2013).
+impl<F: NonsmoothFunction> ExactPieces for Traced<F> {
+    fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
+        let (n, m) = (self.num_residuals(), self.num_vars());
+        let fixed = self.has_parameter().then_some(alpha);
+        let found = self.abs_normal(None).or_else(|| self.abs_normal(Some(fixed?)))?;
+        // After the variables come the kinks and quotients; a parameter is no unknown.
+        let own = m - usize::from(fixed.is_some());
+        let unknowns = own + found.added.len();
+        let count = |a: &Added| match a {
+            Added::Kink { tests, pieces } => tests.len() + pieces.len(),
+            Added::Quotient(_) => 1,
+        };
+        let forms = n + found.added.iter().map(count).sum::<usize>();
+        if unknowns.saturating_mul(forms) > MAX_COEFFICIENTS {
+            return None;
+        }
+        let at = Exact::new(fixed.unwrap_or(0.0))?;
+        let dense = |terms: &Terms| {
+            let mut terms = terms.clone();
+            if fixed.is_some() {
+                let of_parameter = |t: &(usize, Exact)| t.0 + 1 == m;
+                if let Some(k) = terms.terms.iter().position(of_parameter) {
+                    let (_, rate) = terms.terms.remove(k);
+                    terms.constant = &terms.constant + &(&rate * &at);
+                }
+            }
+            terms.form(unknowns, |k| if k < m { k } else { k - m + own })
+        };
+        let mut common: Vec<ExactForm> = found.values.iter().map(dense).collect();
+        let mut sites = Vec::with_capacity(self.kinds.len());
+        for (k, added) in found.added.iter().enumerate() {
+            match added {
+                Added::Quotient(form) => common.push(dense(form)),
+                Added::Kink { tests, pieces } => {
+                    let tests: Vec<ExactForm> = tests.iter().map(dense).collect();
+                    let values: Vec<ExactForm> = pieces.iter().map(dense).collect();
+                    let z = ExactForm::unknown(unknowns, own + k, Exact::default());
+                    sites.push(self.site(sites.len(), n + k, [&tests, &values], &z));
+                }
+            }
+        }
+        Some(ExactConditions {
+            unknowns,
+            common,
+            sites,
+            bounds: Vec::new(),
+        })
+    }
+
+    fn is_affine_in_parameter(&self) -> bool {
+        self.has_parameter() && self.abs_normal(None).is_some()
+    }
+}
