@@ -189,7 +189,7 @@ pub(super) fn measures(t: &mut Table) {
     t.refuses(
         "contact::check_multipliers",
         "many multipliers that are not seen",
-        "100000 multipliers, but the displacements tell only 1 of",
+        "100000 multipliers, but their pairing with the displacements has rank 1 only",
         || check_multipliers(&one_entry),
     );
     let large = Matrix::identity(LARGE);
