@@ -61,6 +61,29 @@ pub(super) struct Engine {
     history: Vec<ActiveSetIteration>,
 }
 
+/// Which components are exchanged; see [`ActiveSetSolver`](super::ActiveSetSolver).
+struct Rule {
+    exchange: Exchange,
+    /// Fewest components whose sets differed, and the number of iterations that added components since.
+    fewest: usize,
+    stagnant: usize,
+    /// Whether the exchanges of the largest violations have begun, and how many are exchanged at most.
+    restarted: bool,
+    at_most: usize,
+}
+
+impl Default for Rule {
+    fn default() -> Self {
+        Self {
+            exchange: Exchange::Block,
+            fewest: usize::MAX,
+            stagnant: 0,
+            restarted: false,
+            at_most: 1,
+        }
+    }
+}
+
 impl Engine {
     pub(super) fn new(options: ActiveSetOptions) -> Self {
         Self {
@@ -210,7 +233,6 @@ impl Engine {
         observe: &mut dyn FnMut(&ActiveSetIteration) -> ControlFlow<()>,
     ) -> Result<ActiveSetStatus, ComplementarityError> {
         let n = z.len();
-        let (lower, upper) = (lcp.lower, lcp.upper);
         // A start so far out gives no information on the solution, and F may overflow there.
         if z.iter().any(|z| z.abs() > LARGEST) {
             lcp.nearest_to_zero(z);
@@ -225,14 +247,11 @@ impl Engine {
             }
         }
         let mut changes = n;
-        let (mut fewest, mut stagnant) = (usize::MAX, 0);
-        let mut exchange = Exchange::Block;
+        let mut rule = Rule::default();
         let (mut residual, mut progress) = (f64::INFINITY, 1.0);
-        let mut restarted = false;
         let mut refinements = 0;
         // Starting from zero removes the rounding errors of much larger iterates.
         let (mut largest, mut afresh) = (self.size(z), false);
-        let mut at_most: usize = 1;
         let mut may_restart = sets.is_none();
         loop {
             if self.history.len() == self.options.max_iterations {
@@ -265,7 +284,7 @@ impl Engine {
                 changes,
                 inactive: self.free.iter().filter(|f| **f).count(),
                 linear_iterations: linear,
-                exchange,
+                exchange: rule.exchange,
             };
             self.history.push(iteration);
             if observe(&iteration).is_break() {
@@ -284,17 +303,8 @@ impl Engine {
             let direct = systems.is_direct();
             let settled = changes == 0 && direct;
             if settled || residual <= self.options.tolerance * self.size(z) {
-                self.clamp(lcp, z);
-                lcp.value(z, &mut self.w);
-                if self.is_solution(lcp, direct, z) {
-                    return Ok(ActiveSetStatus::Solved);
-                }
-                refinements += 1;
-                if refinements > REFINEMENTS {
-                    return Ok(match self.is_solution_without_rounding(lcp, direct, z) {
-                        true => ActiveSetStatus::Solved,
-                        false => ActiveSetStatus::Inaccurate,
-                    });
+                if let Some(status) = self.judge(lcp, z, direct, &mut refinements) {
+                    return Ok(status);
                 }
                 if settled {
                     continue;
@@ -311,47 +321,82 @@ impl Engine {
                     continue;
                 }
             }
-            if changes < fewest {
-                (fewest, stagnant) = (changes, 0);
-            } else if self.adds() {
-                // Releases alone cannot go on for ever, however few they are at a time.
-                stagnant += 1;
-            }
-            let patience = self.options.patience;
-            exchange = if !direct || stagnant <= patience {
-                Exchange::Block
-            } else if stagnant <= 3 * patience {
-                Exchange::Largest
-            } else if stagnant <= 3 * patience + n.min(MORE_BLOCKS) {
-                Exchange::Block
-            } else {
-                Exchange::Single
-            };
-            match exchange {
-                Exchange::Block => {}
-                // The sets reached by block exchanges are no better than all components at bounds.
-                Exchange::Largest if !restarted => {
-                    restarted = true;
-                    for i in 0..n {
-                        self.next[i] = match (lower[i].is_finite(), upper[i].is_finite()) {
-                            (true, _) => BoundState::Lower,
-                            (false, true) => BoundState::Upper,
-                            (false, false) => BoundState::Interior,
-                        };
-                    }
-                    changes = n;
-                }
-                Exchange::Largest => {
-                    at_most = if changes < before {
-                        at_most.saturating_mul(2)
-                    } else {
-                        1
-                    };
-                    self.keep_largest(lcp, z, at_most);
-                }
-                Exchange::Single => self.keep_one(),
-            }
+            changes = self.exchange(&mut rule, lcp, z, direct, [before, changes]);
         }
+    }
+
+    /// Solved, or no more accurate after as many refinements as are worth while; `None`: another iteration refines the solution.
+    fn judge(
+        &mut self,
+        lcp: BoxLcp<'_>,
+        z: &mut [f64],
+        direct: bool,
+        refinements: &mut usize,
+    ) -> Option<ActiveSetStatus> {
+        self.clamp(lcp, z);
+        lcp.value(z, &mut self.w);
+        if self.is_solution(lcp, direct, z) {
+            return Some(ActiveSetStatus::Solved);
+        }
+        *refinements += 1;
+        (*refinements > REFINEMENTS).then(|| match self.is_solution_without_rounding(lcp, direct, z) {
+            true => ActiveSetStatus::Solved,
+            false => ActiveSetStatus::Inaccurate,
+        })
+    }
+
+    /// Applies the exchange rule to the sets in `next`, of which `changes` components differ from the current ones, `before` an iteration
+    /// ago; returns how many are exchanged.
+    fn exchange(
+        &mut self,
+        rule: &mut Rule,
+        lcp: BoxLcp<'_>,
+        z: &[f64],
+        direct: bool,
+        [before, changes]: [usize; 2],
+    ) -> usize {
+        if changes < rule.fewest {
+            (rule.fewest, rule.stagnant) = (changes, 0);
+        } else if self.adds() {
+            // Releases alone cannot go on for ever, however few they are at a time.
+            rule.stagnant += 1;
+        }
+        let patience = self.options.patience;
+        rule.exchange = if !direct || rule.stagnant <= patience {
+            Exchange::Block
+        } else if rule.stagnant <= 3 * patience {
+            Exchange::Largest
+        } else if rule.stagnant <= 3 * patience + z.len().min(MORE_BLOCKS) {
+            Exchange::Block
+        } else {
+            Exchange::Single
+        };
+        match rule.exchange {
+            Exchange::Block => {}
+            // The sets reached by block exchanges are no better than all components at bounds.
+            Exchange::Largest if !rule.restarted => {
+                rule.restarted = true;
+                let bounds = lcp.lower.iter().zip(lcp.upper);
+                for (next, (lower, upper)) in self.next.iter_mut().zip(bounds) {
+                    *next = match (lower.is_finite(), upper.is_finite()) {
+                        (true, _) => BoundState::Lower,
+                        (false, true) => BoundState::Upper,
+                        (false, false) => BoundState::Interior,
+                    };
+                }
+                return z.len();
+            }
+            Exchange::Largest => {
+                rule.at_most = if changes < before {
+                    rule.at_most.saturating_mul(2)
+                } else {
+                    1
+                };
+                self.keep_largest(lcp, z, rule.at_most);
+            }
+            Exchange::Single => self.keep_one(),
+        }
+        changes
     }
 
     /// Moves the active components to their bounds and solves for the others; returns the number of iterations of the linear solver.
