@@ -15,7 +15,7 @@ use crate::map::smooth;
 
 pub(crate) type Law = Arc<dyn NodeLaw + Send + Sync>;
 
-/// A coefficient of friction F = ``value`` + parameter · ``rate``: both are one number for all contact nodes, or arrays of one for each.
+/// A coefficient of friction F = ``value`` + parameter · ``rate``: each a number, or an array of shape (p,) for p contact nodes.
 ///
 /// See :meth:`table`, :meth:`exponential` and :meth:`function` for coefficients that depend on the slip ‖u_t‖, and :meth:`scaled`.
 #[pyclass(frozen, module = "semismooth")]
