@@ -44,7 +44,7 @@ fn same_picture(a: &str, b: &str) -> bool {
             .all(|(a, b)| a == b || (a.1 && b.1 && near(a.0, b.0)))
 }
 
-/// Cuts a line into numbers and what stands between them; with each part, whether it stands in a tag.
+/// Cuts a line into numbers and the text between them; with each part, whether it lies in a tag.
 fn parts(line: &str) -> Vec<(&str, bool)> {
     let is_number = |c: char| c.is_ascii_digit() || c == '.' || c == '-';
     let mut parts = Vec::new();

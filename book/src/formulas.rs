@@ -19,7 +19,7 @@ pub fn typeset_book(message: &str) -> Outcome<String> {
     Ok(book.to_string())
 }
 
-/// Chapters stand in chapters, under names that changed with versions of mdBook; each has its text in `content`.
+/// Chapters are nested, under keys that differ between versions of mdBook; each has its text in `content`.
 fn chapters(value: &mut Value) -> Outcome<()> {
     match value {
         Value::Array(list) => list.iter_mut().try_for_each(chapters),
@@ -117,7 +117,7 @@ fn mathml(formula: &str, display_mode: DisplayMode) -> Outcome<String> {
     Ok(protect(&out))
 }
 
-/// Markdown must not see its own signs within a formula, nor the ends of lines and of cells of tables.
+/// Escapes what Markdown would interpret within a formula: its special characters, ends of lines and of table cells.
 fn protect(mathml: &str) -> String {
     let mut out = String::with_capacity(mathml.len());
     let mut inside_tag = false;

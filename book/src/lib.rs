@@ -1,9 +1,9 @@
-//! What keeps the book true: runs the programs of its lessons, compares what they print and draw with what the text shows, and typesets
+//! Checks of the book: runs the programs of its lessons, compares what they print and draw with what the text shows, and typesets
 //! formulas for mdBook.
 
 mod compare;
 pub mod formulas;
 pub mod record;
 
-/// A result with an error for people.
+/// A result whose error is a message.
 pub type Outcome<T> = Result<T, Box<dyn std::error::Error>>;

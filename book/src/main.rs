@@ -1,4 +1,4 @@
-//! The programs of the lessons in one, and the commands that keep the book true.
+//! The programs of the lessons in one, and the commands that check the book against them.
 
 mod programs;
 
@@ -29,7 +29,7 @@ fn answer(arguments: &[String]) -> Outcome<()> {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match words.as_slice() {
         ["run", name] => programs::run(name),
-        // mdBook asks first whether its renderer is served.
+        // mdBook asks first whether its renderer is supported.
         ["formulas", "supports", renderer] => match *renderer {
             "html" => Ok(()),
             other => Err(format!("no formulas for {other}").into()),

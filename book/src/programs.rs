@@ -13,7 +13,7 @@ macro_rules! programs {
             }
         })*
 
-        /// LESSON/PROGRAM and what runs it.
+        /// LESSON/PROGRAM and the function that runs it.
         pub(crate) const PROGRAMS: &[(&str, fn() -> Outcome<()>)] = &[$(($name, $module::run)),*];
     };
 }

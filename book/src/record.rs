@@ -12,7 +12,7 @@ use crate::compare::difference;
 pub struct Task {
     /// Whether outputs are put into the book, or compared with it.
     pub writes: bool,
-    /// The Rust programs, LESSON/PROGRAM: this very program runs them when it is asked for them by name.
+    /// The Rust programs, LESSON/PROGRAM: this program runs them itself, called with their names.
     pub programs: Vec<&'static str>,
     /// An interpreter with the package `semismooth`.
     pub python: Option<PathBuf>,
@@ -28,10 +28,10 @@ struct Program {
     file: String,
 }
 
-/// What a run left: outputs by the name of their file in `out`.
+/// The outputs of a run, by the name of their file in `out`.
 type Outputs = BTreeMap<String, String>;
 
-/// What all runs came to.
+/// The results of all runs.
 #[derive(Default)]
 struct Tally {
     ran: usize,
@@ -142,7 +142,7 @@ fn programs(folder: &Path) -> Outcome<Vec<Program>> {
     Ok(found)
 }
 
-/// Runs one program in an empty folder; `None` where what runs it is not there.
+/// Runs one program in an empty folder; `None` where the interpreter or program that it needs was not given.
 fn run(task: &Task, lesson: &str, program: &Program) -> Outcome<Option<Outputs>> {
     let here = tempfile(lesson, &program.file)?;
     let mut command = match program.file.rsplit_once('.') {
@@ -234,7 +234,7 @@ fn tempfile(lesson: &str, file: &str) -> Outcome<PathBuf> {
     Ok(here)
 }
 
-/// What is wrong with a lesson: outputs that changed, that are no program's any more, or that its text does not show.
+/// What is wrong with a lesson: outputs that changed, that no program writes, or that its text does not show.
 fn judge(
     out: &Path,
     outputs: &Outputs,

@@ -1,6 +1,6 @@
 """The table of python/README.md: `compare.py PROGRAM [ROUNDS]`, where PROGRAM is the twin in Rust (`cargo build --release --example twin`).
 
-Both run in turn, ROUNDS times (5); the least time of each problem counts.
+Both run alternately, ROUNDS times (5); the least time of each problem counts.
 """
 
 import json
@@ -21,7 +21,7 @@ def main():
     print("| problem | Python [ms] | Rust [ms] | ratio |\n|---|---|---|---|")
     for of_problem in zip(*(zip(python, rust, strict=True) for python, rust in both)):
         for a, b in of_problem:
-            # Matrices reach the solver with the same numbers: so do results, but for residuals of rounding.
+            # Both solve problems with the same numbers, so that results agree up to rounding.
             assert a["name"] == b["name"] and abs(a["result"] - b["result"]) < 1e-9, (a, b)
         times = [1e3 * min(pair[k]["seconds"] for pair in of_problem) for k in range(2)]
         print(f"| {of_problem[0][0]['name']} | {times[0]:.3g} | {times[1]:.3g} | {times[0] / times[1]:.2f} |")

@@ -1,4 +1,4 @@
-"""Times of the package, one JSON object a line: problems of which `twin.rs` has the same, number by number."""
+"""Times of the package, one JSON object per line. `twin.rs` has the same problems, number by number."""
 
 import json
 import math

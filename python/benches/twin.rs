@@ -87,7 +87,7 @@ fn measure(name: &str, work: &dyn Fn() -> Outcome<f64>) -> Outcome<()> {
 }
 
 fn main() -> Outcome<()> {
-    // Problems are made once; what is measured begins with their arrays, as in Python.
+    // Problems are made once; the time starts from their arrays, as in Python.
     let (matrix, q) = (square(300, 300.0 / 8.0, 1)?, numbers(300, 2));
     measure("dense LCP, n = 300", &|| {
         solved(&Lcp::new(matrix.clone(), q.clone())?)

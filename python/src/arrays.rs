@@ -1,4 +1,4 @@
-//! Vectors, matrices, options and names as Python gives and takes them.
+//! Conversion of vectors, matrices, options and names from and to Python.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 
 use crate::errors::raised;
 
-/// Numbers of anything that numpy can make a vector of.
+/// A vector from anything that numpy converts to an array of one dimension.
 pub(crate) fn vector(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>> {
     real(object, what)?;
     let array: PyArrayLike1<'_, f64, AllowTypeChange> = object
@@ -49,7 +49,7 @@ pub(crate) fn bound(
     }
 }
 
-/// A dense matrix, or a sparse one of scipy, of which the structure is kept.
+/// A dense matrix, or a sparse one of scipy, whose sparsity pattern is kept.
 pub(crate) fn matrix(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Matrix> {
     if let Some(sparse) = sparse(object)? {
         return sparse.matrix();
@@ -67,10 +67,10 @@ pub(crate) fn matrix(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Matrix> 
     Matrix::from_values(Pattern::full(rows, columns), by_columns(&array)).map_err(raised)
 }
 
-/// Rows of a tile, whose lines stay in the cache.
+/// Rows of a tile: so few that their cache lines stay in the cache.
 const TILE: usize = 16;
 
-/// The entries as matrices store them.
+/// The entries column by column, as `Matrix` stores them.
 fn by_columns(array: &numpy::ndarray::ArrayView2<'_, f64>) -> Vec<f64> {
     let (rows, columns) = array.dim();
     let Some(entries) = array.as_slice() else {
@@ -92,7 +92,7 @@ fn by_columns(array: &numpy::ndarray::ArrayView2<'_, f64>) -> Vec<f64> {
     values
 }
 
-/// A matrix of scipy, by columns.
+/// A matrix of scipy in compressed column format.
 pub(crate) struct Sparse {
     rows: usize,
     columns: usize,
@@ -101,7 +101,7 @@ pub(crate) struct Sparse {
     values: Vec<f64>,
 }
 
-/// Whether it is a sparse matrix is told by what it can do: scipy is not imported.
+/// Sparse matrices are recognised by their method `tocsc`, so that scipy need not be imported.
 pub(crate) fn sparse(object: &Bound<'_, PyAny>) -> PyResult<Option<Sparse>> {
     if !object.hasattr("tocsc")? {
         return Ok(None);
@@ -196,7 +196,7 @@ pub(crate) fn names(map: &dyn PiecewiseSmooth, selection: &Selection) -> Vec<Str
     pieces.map(|(s, p)| map.piece_name(s, p).into_owned()).collect()
 }
 
-/// Data of the library as dicts, lists, numbers and words.
+/// Data of the library as dicts, lists, numbers and strings.
 pub(crate) fn python<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
     Ok(pythonize::pythonize(py, value)?)
 }
@@ -214,7 +214,7 @@ pub(crate) fn options<T: DeserializeOwned>(given: Option<&Bound<'_, PyDict>>, py
         Ok(options) => return Ok(options),
         Err(e) => e,
     };
-    // The error does not say which one is of another type.
+    // The error does not name the option: each is tried alone.
     for (name, value) in given.iter() {
         let one = PyDict::new(py);
         one.set_item(&name, value)?;
@@ -225,7 +225,7 @@ pub(crate) fn options<T: DeserializeOwned>(given: Option<&Bound<'_, PyDict>>, py
     Err(PyTypeError::new_err(format!("options: {wrong}")))
 }
 
-/// The same over other defaults than those of the type.
+/// Like `options`, with `defaults` in place of those of the type.
 pub(crate) fn options_over<T: Serialize + DeserializeOwned>(
     defaults: &T,
     given: Option<&Bound<'_, PyDict>>,
@@ -238,7 +238,7 @@ pub(crate) fn options_over<T: Serialize + DeserializeOwned>(
     options(Some(&all), py)
 }
 
-/// A failed conversion with what was expected, its cause kept; but Ctrl-C as it is.
+/// A `TypeError` that says what was expected, with the failed conversion as its cause; `KeyboardInterrupt` and the like are passed on.
 fn explained(py: Python<'_>, cause: PyErr, message: &str) -> PyErr {
     if !cause.is_instance_of::<PyException>(py) {
         return cause;

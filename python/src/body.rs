@@ -64,7 +64,7 @@ pub(crate) struct Load {
 
 #[pymethods]
 impl Load {
-    /// The forces on the free displacements, those that stem from supports included, shape (number of free displacements,).
+    /// The forces on the free displacements, those due to prescribed displacements included, shape (number of free displacements,).
     #[getter]
     fn forces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.case.forces())
@@ -108,7 +108,7 @@ type Columns<'py> = (
 
 /// A linearly elastic body on supports, discretised by linear (triangles, tetrahedra) or multilinear elements.
 ///
-/// Units are yours, the same throughout: metres and GPa give nodal forces in GN (in the plane per metre of depth).
+/// Any consistent units: metres and GPa give nodal forces in GN (in the plane per metre of depth).
 ///
 /// Parameters
 /// ----------
@@ -116,11 +116,11 @@ type Columns<'py> = (
 /// material : Material
 /// supports : dict
 ///     Names of groups of facets, and the displacement there: one number for all components, or a list of d entries with ``None`` for those
-///     that are free. Numbers may be functions of a point of shape (d,). Where groups meet, later ones win.
+///     that are free. Numbers may be functions of a point of shape (d,). Where groups share nodes, later ones take precedence.
 /// materials : dict, optional
 ///     Other materials for groups of cells.
 /// plane : {"strain", "stress"}
-///     Of meshes in the plane.
+///     Plane strain or plane stress; for meshes in the plane.
 ///
 /// >>> import semismooth as ss
 /// >>> mesh = ss.Mesh.rectangle([0, 0], [4, 1], [8, 2])
@@ -181,7 +181,7 @@ impl Body {
     }
 
     /// The stiffness matrix of the free displacements, as ``(data, indices, indptr)`` of compressed columns:
-    /// ``scipy.sparse.csc_matrix(body.stiffness)``. They are numbered node by node, component by component.
+    /// ``scipy.sparse.csc_matrix(body.stiffness)``. Displacements are numbered node by node, component by component.
     #[getter]
     fn stiffness<'py>(&self, py: Python<'py>) -> Columns<'py> {
         let a = self.system.stiffness();
@@ -216,7 +216,7 @@ impl Body {
     }
 
     /// The load of supports that move: the displacement on a group of facets, as in ``supports``, whose components must be prescribed there;
-    /// all others rest. Times the parameter it is displacement control.
+    /// all other prescribed displacements are 0. As ``rate`` of a :class:`ContactProblem` it is displacement control.
     fn motion(&self, py: Python<'_>, facets: &str, value: &Bound<'_, PyAny>) -> PyResult<Load> {
         let dim = self.system.mesh().dim();
         let mut sum: Option<LoadCase> = None;

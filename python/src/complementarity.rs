@@ -86,8 +86,8 @@ pub(crate) struct McpResult {
     /// The iterates, each a dict of "index", "strategy", "residual", "merit", "step", "damping" and "sites_changed";
     /// ``pandas.DataFrame(result.history)`` is a table.
     history: Py<PyAny>,
-    /// Where the status is "infeasible", the vector v that proves it (empty where enumeration did): v points along no finite bound, yet
-    /// sup vᵀF(x) < 0 over the bounds.
+    /// Where the status is "infeasible", the vector v that proves it (empty where enumeration did): a recession direction of the box
+    /// [lower, upper], so that every solution has vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the box.
     certificate: Py<PyArray1<f64>>,
     /// Wall-clock time in seconds.
     time: f64,
@@ -211,7 +211,7 @@ fn solve<F: McpFunction>(
         .map_err(raised)
 }
 
-/// Tells a callback, which stops by returning something true; it is not called again then, though solvers tell their last iterate, too.
+/// Calls a callback, which stops the run by returning a true value. It is not called again then, although solvers report one more iterate.
 pub(crate) fn observed(
     run: &Run,
     callback: Option<&Py<PyAny>>,
@@ -238,18 +238,18 @@ pub(crate) struct Called {
 
 /// How the derivative of F is found.
 pub(crate) enum Derivative {
-    /// Of M x + q.
+    /// F(x) = M x + q.
     Affine(AffineFunction),
     /// By tracing F.
     Formula(Py<Map>),
     /// By differences of F.
     Differences(Py<PyAny>, Pattern),
-    /// By a function.
+    /// By the function `jac`.
     Function(Called, Pattern),
 }
 
 impl Derivative {
-    /// That of a function with n values of the m variables of `x0`, m = n, or n + 1 where the last one is a parameter.
+    /// The derivative of a function with n values of the m variables of `x0`, m = n, or n + 1 where the last one is a parameter.
     pub(crate) fn new(
         function: &Bound<'_, PyAny>,
         jac: Option<&Bound<'_, PyAny>>,
@@ -301,7 +301,7 @@ impl Derivative {
         }
         let pattern = match pattern {
             Some(pattern) => pattern,
-            // Where a sparse Jacobian has entries at the start it has them everywhere.
+            // The pattern of a sparse Jacobian at the start is taken for all x.
             None => match sparse(&jac.call1((PyArray1::from_slice(py, x0),))?)? {
                 Some(first) => first.matrix()?.pattern().clone(),
                 None => Pattern::full(n, m),
@@ -343,7 +343,7 @@ impl Derivative {
     }
 }
 
-/// Writes what a Python function gives at x.
+/// Writes the values of a Python function at x.
 pub(crate) fn fill(function: &Bound<'_, PyAny>, x: &[f64], out: &mut [f64]) -> PyResult<()> {
     let values = vector(
         &function.call1((PyArray1::from_slice(function.py(), x),))?,
@@ -360,7 +360,7 @@ pub(crate) fn fill(function: &Bound<'_, PyAny>, x: &[f64], out: &mut [f64]) -> P
     Ok(())
 }
 
-/// Adds the matrix that a Python function gives at x.
+/// Adds the matrix that a Python function returns at x.
 pub(crate) fn add(jacobian: &Bound<'_, PyAny>, x: &[f64], jac: &mut Matrix) -> PyResult<()> {
     let given = matrix(
         &jacobian.call1((PyArray1::from_slice(jacobian.py(), x),))?,
@@ -390,7 +390,8 @@ pub(crate) fn add(jacobian: &Bound<'_, PyAny>, x: &[f64], jac: &mut Matrix) -> P
 /// jac : callable or "differences", optional
 ///     ``jac(x)``, of shape (n, n), dense or scipy.sparse: F is then called, not traced. "differences": central differences of F.
 /// pattern : array or scipy.sparse matrix of shape (n, n), optional
-///     Where the Jacobian has entries (those stored count, all of an array). Default: those of ``jac(x0)`` if it is sparse; else everywhere.
+///     The sparsity pattern of the Jacobian: the stored entries of a sparse matrix, zeros among them, or all entries of an array.
+///     Default: that of ``jac(x0)`` if it is sparse; else full.
 /// callback, **options
 ///     As for :func:`solve_lcp`.
 ///
@@ -439,11 +440,11 @@ pub(crate) struct LemkeResult {
     message: String,
     /// Natural residual of x.
     residual: f64,
-    /// Number of exchanges.
+    /// Number of pivots.
     pivots: usize,
     /// Direction of the ray on which the path ended, shape (n,), or None.
     ray: Option<Py<PyArray1<f64>>>,
-    /// The exchanges, each a dict of "index", "path" and "cover", the covering variable before it.
+    /// The pivots, each a dict of "index", "path" and "cover", the value of the covering variable before it.
     history: Py<PyAny>,
 }
 
@@ -473,7 +474,7 @@ impl LemkeResult {
 /// lower, upper : number or array of shape (n,), optional
 ///     0 and inf unless given.
 /// covering : array of shape (n,), optional
-///     Positive; it chooses the path. Ones unless given.
+///     The covering vector, positive: the path depends on it. Ones unless given.
 /// max_pivots : int, optional
 ///     50 n + 1000 on up to five paths unless given.
 ///

@@ -53,9 +53,9 @@ impl Foundation {
         })
     }
 
-    /// A foundation at a distance: a length or a function of a point. It is measured along the outward normals of the body, or along
-    /// ``normal``, a vector of shape (d,) or a function that gives one, out of the body. In space ``tangent`` is the first principal axis of
-    /// friction (its part orthogonal to the normal; the projected x axis unless given).
+    /// A foundation at the distance ``gap``, a length or a function of a point, measured along the outward normals of the body, or along
+    /// ``normal``, a vector of shape (d,) or a function that returns one, pointing out of the body. In space ``tangent`` is the first
+    /// principal axis of friction (its part orthogonal to the normal; the projected x axis unless given).
     #[staticmethod]
     #[pyo3(signature = (gap, *, normal=None, tangent=None))]
     fn gap(
@@ -116,16 +116,16 @@ pub(crate) enum Form {
 
 /// How a problem is solved.
 pub(crate) enum Route {
-    /// As a map of its unknowns.
+    /// As a piecewise-smooth map.
     Mapped(Box<Form>),
-    /// In its displacements.
+    /// In reduced form, for the displacements alone.
     Reduced(Box<Reduced>),
 }
 
 pub(crate) type Reduced = Mutex<ReducedContact<Law>>;
 
-/// Displacements beyond which multigrid is quicker than one factorisation: of solids, and in the plane, where factors stay sparse until
-/// they do not fit into memory.
+/// Numbers of free displacements beyond which "auto" takes the reduced form: for solids, because multigrid is then quicker than one
+/// factorisation; in the plane, where factors stay sparse, because of memory.
 const SOLID: usize = 6_000;
 const PLANE: usize = 3_000_000;
 
@@ -159,20 +159,21 @@ impl Form {
 ///     The group of facets that may touch the foundation.
 /// foundation : Foundation
 /// friction : number, array of shape (p,), Friction, or a pair of them, or GivenBound, or None
-///     The coefficient; a pair of coefficients along the two tangents in space; a bound of its own; ``None``: no friction.
+///     The coefficient; in space also a pair of coefficients, along the two tangents; :class:`GivenBound`: Tresca friction; ``None``: none.
 /// load, rate : Load, optional
-///     Loads at every parameter, and times the parameter. Displacements prescribed by the body's supports belong to every load.
+///     The constant load, and the load multiplied by the parameter. Displacements prescribed by the body's supports act at every parameter.
 /// paths : list of (Load, callable), optional
 ///     Loads f_k with smooth amplitudes φ_k(α), traced (see :func:`trace`).
 /// form : {"condensed", "full", "reduced", "auto"}
 ///     "condensed": x = (λν, λt₁[, λt₂], α), nodal forces, dense, one factorisation of the stiffness matrix in all. "full": x = (u, λν, λt₁[,
-///     λt₂], α), sparse, one factorisation a step: for thousands of contact nodes. "reduced": x as in full form, but solved in the
-///     displacements with multigrid, for bodies of up to millions of displacements: :meth:`solve` and :func:`evolve` alone, curves are not
-///     followed. "auto": "reduced" for solids of more than 6000 free displacements and plane bodies of more than 3 million, else "condensed".
+///     λt₂], α), sparse, one factorisation per step: for thousands of contact nodes. "reduced": x as in full form, but solved for the
+///     displacements alone, with multigrid, for bodies of up to millions of displacements: :meth:`solve` and :func:`evolve` only, curves
+///     are not followed. "auto": "reduced" for solids of more than 6000 free displacements and plane bodies of more than 3 million, else
+///     "condensed".
 /// multipliers : "nodal", "dual cells" or float, optional
-///     Where the p contact forces are sought (Haslinger, Kučera, Vlach 2008): at the nodes (unless given); constant on the part of the facets
-///     nearest to each node; or constant on patches, those facets whose centroids lie in one box of a grid of this width. Contact nodes of
-///     patches are the mesh nodes nearest to their centroids.
+///     The space of the p contact forces (Haslinger, Kučera, Vlach 2008): nodal forces (unless given); constant on the part of the facets
+///     nearest to each node ("dual cells"); or constant on patches, each of the facets whose centroids lie in one box of a grid of this
+///     width. Contact nodes of patches are the mesh nodes nearest to their centroids.
 ///
 /// >>> import semismooth as ss
 /// >>> body = ss.Body(ss.Mesh.rectangle([0, 0], [2, 1], [8, 4]), ss.Material(1.0, 0.3), supports={"top": [0.0, -0.02]})
@@ -256,7 +257,7 @@ impl ContactProblem {
         })
     }
 
-    /// The family with a second parameter β behind α: the load f(α) + β ``load``. For :func:`transition_set`.
+    /// The problem with a second parameter β, after α in x: the load is f(α) + β ``load``. For :func:`transition_set`.
     fn with_second_parameter(&self, py: Python<'_>, load: &Load) -> PyResult<Self> {
         let form = match self.form()? {
             Form::Condensed(p) => p
@@ -281,7 +282,7 @@ impl ContactProblem {
         self.rows.nodes.len()
     }
 
-    /// Number of entries of x, the parameter (or both) among them.
+    /// Number of entries of x, its one or two parameters included.
     #[getter]
     fn num_vars(&self) -> usize {
         match &self.route {
@@ -290,13 +291,13 @@ impl ContactProblem {
         }
     }
 
-    /// The mesh nodes of the contact nodes, shape (p,), ordered by x, then y, then z.
+    /// Index of the mesh node of each contact node, shape (p,), ordered by x, then y, then z.
     #[getter]
     fn nodes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         PyArray1::from_iter(py, self.rows.nodes.iter().map(|n| *n as i64))
     }
 
-    /// Where they are, shape (p, d).
+    /// Coordinates of the contact nodes, shape (p, d).
     #[getter]
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         truncated(py, self.dim(), &self.rows.points)
@@ -330,8 +331,8 @@ impl ContactProblem {
         PyArray1::from_slice(py, &self.rows.gap)
     }
 
-    /// A solution at a parameter, by Newton's method from ``start`` and, where that fails, by lowering the body onto its foundation. It need
-    /// not be the only one.
+    /// A solution at a parameter, by Newton's method from ``start`` and, where that fails, by lowering the body onto its foundation. Other
+    /// solutions may exist.
     ///
     /// Parameters
     /// ----------
@@ -403,7 +404,7 @@ impl ContactProblem {
     }
 }
 
-/// What can go wrong in the making of a problem.
+/// An error in the construction of a problem.
 enum SetupError {
     Body(fem::FemError),
     Contact(ContactError),
@@ -432,7 +433,7 @@ impl ContactProblem {
         }
     }
 
-    /// The problem in its displacements.
+    /// The problem in reduced form.
     pub(crate) fn reduced(&self) -> Option<&Reduced> {
         match &self.route {
             Route::Mapped(_) => None,
@@ -539,12 +540,12 @@ fn load_path(
     Ok(LoadPath::cases(constant, cases, at))
 }
 
-/// A problem in its displacements without the levels of earlier histories.
+/// The problem in reduced form, with the reference slips and history variables of earlier runs reset to 0.
 pub(crate) fn begun(problem: &Reduced) -> PyResult<MutexGuard<'_, ReducedContact<Law>>> {
     let mut problem = match problem.try_lock() {
         Ok(problem) => problem,
         Err(TryLockError::Poisoned(e)) => e.into_inner(),
-        // A callback that waited would wait for ever.
+        // In a callback, waiting for the lock would be a deadlock.
         Err(TryLockError::WouldBlock) => {
             return Err(SemismoothError::new_err(
                 "a problem in reduced form does one thing at a time: do not use it in its own callback or in two threads",

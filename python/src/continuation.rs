@@ -21,7 +21,7 @@ use crate::map::{Map, map_of};
 /// The range of a parameter unless one is given.
 pub(crate) const EVERYWHERE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 
-/// What is followed.
+/// The problem whose curve is followed.
 pub(crate) enum Problem {
     Map(Py<Map>),
     Contact(Py<ContactProblem>),
@@ -54,7 +54,7 @@ impl Problem {
         })
     }
 
-    /// A formula or a contact problem with so many parameters.
+    /// A formula or a contact problem whose last `parameters` variables are parameters.
     pub(crate) fn formula(function: &Bound<'_, PyAny>, x0: &[f64], parameters: usize) -> PyResult<Self> {
         let (m, n) = (x0.len(), values_of(x0, parameters)?);
         let (problem, vars, values) = match function.cast::<ContactProblem>() {
@@ -94,7 +94,7 @@ impl Problem {
     }
 }
 
-/// The number of values that belongs to a point with so many parameters.
+/// The number n of values of H, from the length of a point and the number of parameters.
 fn values_of(x0: &[f64], parameters: usize) -> PyResult<usize> {
     let values = x0.len().checked_sub(parameters).filter(|n| *n > 0);
     values.ok_or_else(|| {
@@ -109,7 +109,7 @@ fn values_of(x0: &[f64], parameters: usize) -> PyResult<usize> {
     })
 }
 
-/// How H is to be understood.
+/// The optional arguments that define H.
 pub(crate) struct Given<'a, 'py> {
     pub(crate) jac: Option<&'a Bound<'py, PyAny>>,
     pub(crate) pattern: Option<&'a Bound<'py, PyAny>>,
@@ -142,7 +142,7 @@ impl Names {
     }
 }
 
-/// A stretch of a solution curve. Row i of the arrays is point i along it, events included.
+/// An arc of a solution curve. Row i of the arrays is its point i; events are among the points.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Branch {
     found: Arc<core::Branch>,
@@ -265,7 +265,7 @@ impl Branch {
         self.found.vertices().iter().map(|v| v.det_sign).collect()
     }
 
-    /// The same between each point and the next: that of a regular end.
+    /// The sign between each point and the next, from an end at which it is not 0.
     #[getter]
     fn _segment_signs(&self) -> Vec<Option<i8>> {
         let vertices = self.found.vertices();
@@ -367,7 +367,7 @@ impl Monitor {
         &self.name
     }
 
-    /// The value at x; NaN, which is no change of sign, after an exception.
+    /// The value at x; NaN, which counts as no change of sign, after an exception.
     pub(crate) fn value(&self, run: &Run, x: &[f64]) -> f64 {
         match &self.function {
             Watch::Formula(map) => map.get().first_value(x),
@@ -415,7 +415,7 @@ pub(crate) fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction>
 /// jac : callable or "differences", optional
 ///     ``jac(x)`` of shape (n, n + 1), dense or scipy.sparse: H is then called, not traced, and must be smooth.
 /// pattern : matrix of shape (n, n + 1), optional
-///     Where the Jacobian has entries.
+///     The sparsity pattern of the Jacobian, as for :func:`solve_mcp`.
 /// lower, upper : number or array of shape (n,), optional
 ///     H is then the (smooth) function of a mixed complementarity problem in y with these bounds; its pieces are "lower", "interior", "upper".
 /// monitors, stops : dict of name and callable or Map, optional
@@ -423,8 +423,8 @@ pub(crate) fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction>
 /// callback : callable, optional
 ///     Called with a dict of "event", "x", "parameter" and "arclength" at each point; returns True to stop.
 /// **options
-///     step (0.05), min_step, max_step (1), targets (parameters to be hit), max_points (10 000), max_arclength, max_time (seconds),
-///     typical_sizes and others of ContinuationOptions.
+///     step (0.05), min_step, max_step (1), targets (parameters at which points are computed), max_points (10 000), max_arclength,
+///     max_time (seconds), typical_sizes and others of ContinuationOptions.
 ///
 /// Returns
 /// -------
@@ -506,7 +506,7 @@ impl Travel {
     }
 }
 
-/// Tells a callback of a point.
+/// Calls a callback with a point.
 pub(crate) fn told(run: &Run, callback: Option<&Py<PyAny>>, event: &Event) -> ControlFlow<()> {
     let Some(callback) = callback else {
         return run.poll();

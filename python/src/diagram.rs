@@ -17,7 +17,7 @@ use crate::continuation::{EVERYWHERE, Given, Monitor, Names, Problem, told};
 use crate::errors::{Run, SemismoothError, raised};
 use crate::events::{Crossing, Fold};
 
-/// A point of a diagram where curves meet, bend or end.
+/// A point of a diagram where curves meet, have a kink or end.
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct Vertex {
     /// The point (y, parameter), shape (m,).
@@ -42,7 +42,7 @@ impl Vertex {
     }
 }
 
-/// A piece of curve between two vertices, on one selection.
+/// The part of a curve between two vertices, with one selection.
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct Edge {
     /// Its points from end to end, shape (k, m).
@@ -51,11 +51,11 @@ pub(crate) struct Edge {
     pieces: Vec<String>,
     /// Indices of the vertices at its ends; equal for a closed curve.
     ends: (usize, usize),
-    /// Signs of the determinant of ∂H/∂y along it, each change once.
+    /// The signs of the determinant of ∂H/∂y along it, in order, repetitions left out.
     det_signs: Vec<i8>,
     /// The sign at each point; None where it is not known.
     point_det_signs: Vec<Option<i8>>,
-    /// Rows of ``points`` at which the parameter turns inside of the piece.
+    /// Rows of ``points`` that are smooth folds.
     smooth_folds: Vec<usize>,
     /// Whether the parameter is constant along it: a continuum of solutions.
     vertical: bool,
@@ -151,7 +151,7 @@ impl Diagram {
         folds.iter().map(|f| Fold::new(py, &f.x, kind(f), None)).collect()
     }
 
-    /// The branches: lists of edges (index, whether it is walked against its direction), every edge in one of them.
+    /// The branches: lists of edges (index, whether it is traversed backwards), every edge in one of them.
     #[getter]
     fn branches(&self) -> Vec<Vec<(usize, bool)>> {
         self.found.branches().into_iter().map(|b| b.edges).collect()
@@ -227,7 +227,7 @@ struct Zero {
     edge: usize,
 }
 
-/// Where monitors change their signs along the edges, located on the curve from the point before.
+/// Zeros of the monitors on the edges, located by following the curve from the point before the change of sign.
 fn zeros(
     run: &Run,
     map: &dyn PiecewiseSmooth,
@@ -236,7 +236,7 @@ fn zeros(
     options: &ContinuationOptions,
 ) -> PyResult<Vec<Zero>> {
     let mut zeros = Vec::new();
-    // Vertices at which a monitor vanishes belong to several edges.
+    // A vertex at which a monitor vanishes belongs to several edges, but is listed once.
     let mut known = HashSet::new();
     for (edge, of) in found.edges().iter().enumerate() {
         let last = of.points.len() - 1;
@@ -308,7 +308,7 @@ fn between(
 /// monitors : dict of name and callable or Map, optional
 ///     Real functions of x; where one changes its sign along an edge the zero is located and listed in ``crossings``.
 /// callback : callable, optional
-///     Called with a dict of "event", "x", "parameter" and "arclength" (of the curve under way) at each point, in the order in which they
+///     Called with a dict of "event", "x", "parameter" and "arclength" (along the current curve) at each point, in the order in which they
 ///     are computed; returns True to stop, which leaves the diagram incomplete.
 /// max_edges, max_points, same_point
 ///     Limits on the whole diagram (10 000 edges, 1 000 000 points), and the distance, relative to 1 + ‖x‖, within which vertices are one

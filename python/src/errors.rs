@@ -1,4 +1,4 @@
-//! Runs without the interpreter's lock, and what ends them: exceptions of callbacks, Ctrl-C, errors of the library.
+//! Runs of the library without the interpreter's lock, ended by exceptions in callbacks, by Ctrl-C or by errors.
 
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -17,11 +17,11 @@ create_exception!(
     "A problem, an option or a start that semismooth cannot use; the message says which and why."
 );
 
-/// Time between two looks at signals: they take the lock, and Ctrl-C shall be noticed within 0.1 s.
+/// Time between two checks for signals: a check takes the lock, and Ctrl-C is to be noticed within 0.1 s.
 const LOOK_EVERY: Duration = Duration::from_millis(30);
 const BETWEEN_LOOKS: Duration = Duration::from_millis(5);
 
-/// An error of the library as an exception, with all that it says.
+/// An error of the library as an exception, with the messages of its causes.
 pub(crate) fn raised(error: impl Error) -> PyErr {
     let mut message = error.to_string();
     let mut cause = error.source();
@@ -35,8 +35,8 @@ pub(crate) fn raised(error: impl Error) -> PyErr {
     SemismoothError::new_err(message)
 }
 
-/// A run that Python can end. Functions of the library's maps give numbers and no errors: after the first exception they give NaN without a
-/// call (as those of `semismooth::fallible` do), observers stop, and the exception is raised once the run has come back.
+/// A run that Python can end. The functions of a map return numbers and no errors: after the first exception they return NaN without a call
+/// (as those of `semismooth::fallible` do), observers stop, and the exception is raised when the library has returned.
 pub(crate) struct Run {
     broken: AtomicBool,
     exception: Mutex<Option<PyErr>>,
@@ -61,8 +61,8 @@ impl Run {
         }
     }
 
-    /// As [`detached`](Self::detached), for work whose observers are called from other threads, which see no signals: this thread looks for
-    /// them while another one works, whose observers return [`flow`](Self::flow).
+    /// As [`detached`](Self::detached), for work whose observers are called from other threads, which receive no signals: this thread
+    /// checks for them while another one does the work, whose observers return [`flow`](Self::flow).
     pub(crate) fn watched<T: Send>(
         py: Python<'_>,
         work: impl FnOnce(&Run) -> PyResult<T> + Send,
@@ -97,7 +97,7 @@ impl Run {
         self.flow()
     }
 
-    /// Whether to go on, without a look at signals.
+    /// Whether to go on, without a check for signals.
     pub(crate) fn flow(&self) -> ControlFlow<()> {
         match self.is_broken() {
             true => ControlFlow::Break(()),

@@ -1,4 +1,4 @@
-//! What happens on curves.
+//! Events on curves: transitions, folds, branch points and zeros of monitors.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::continuation::Names;
 /// A point where the active pieces of a curve change, located to rounding.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Transition {
-    /// The curve, and which of its transitions: names and arrays are made when they are asked for.
+    /// The curve, and the index `at` of the transition on it; names and arrays are made on access.
     branch: Arc<core::Branch>,
     at: usize,
     names: Arc<Names>,
@@ -48,7 +48,7 @@ impl Transition {
         self.found().kind.name()
     }
 
-    /// The pieces on arrival, by name, one a site.
+    /// The pieces on arrival, by name, one per site.
     #[getter]
     fn before(&self) -> Vec<&str> {
         self.names.selection(&self.found().before)
@@ -60,7 +60,7 @@ impl Transition {
         self.names.selection(&self.found().after)
     }
 
-    /// The sites that switch (or could), from 0; those that change first.
+    /// Indices from 0 of the sites that switch or could; those that do come first.
     #[getter]
     fn sites(&self) -> Vec<usize> {
         self.found().sites.iter().map(|s| s.site).collect()
@@ -78,7 +78,7 @@ impl Transition {
         PyArray1::from_slice(py, &self.found().tangent_after)
     }
 
-    /// Unit tangents of all arms that leave, but the one of arrival, shape (k, m); each is a ``direction`` for :func:`follow`.
+    /// Unit tangents of all arms except the one of arrival, shape (k, m); each is a ``direction`` for :func:`follow`.
     #[getter]
     fn arms(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
         tangents(py, &self.found().arms, self.found().x.len())
@@ -134,7 +134,7 @@ pub(crate) struct Fold {
     x: Py<PyArray1<f64>>,
     /// The parameter.
     parameter: f64,
-    /// "kink" where pieces change at the fold, "smooth" inside of a piece.
+    /// "kink" where pieces change at the fold, "smooth" inside a cell.
     kind: &'static str,
     /// Arclength from the start of the branch; None in diagrams.
     arclength: Option<f64>,
@@ -165,7 +165,7 @@ pub(crate) struct BranchPoint {
     pub(crate) x: Py<PyArray1<f64>>,
     /// The parameter.
     pub(crate) parameter: f64,
-    /// Unit tangents of all arms that leave, but the one of arrival, shape (k, m).
+    /// Unit tangents of all arms except the one of arrival, shape (k, m).
     pub(crate) arms: Py<PyArray2<f64>>,
     /// Index in ``arms`` of the arm that was followed, if any.
     pub(crate) followed: Option<usize>,

@@ -1,4 +1,4 @@
-//! Formulas written by running a Python function once on variables that remember what is done to them.
+//! Tracing: a Python function is run once on variables that record every operation on them.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -8,7 +8,7 @@ use pyo3::basic::CompareOp;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-/// A node of a formula; arguments are positions of nodes before it. Numbers are kept as their bits, so that equal nodes are one.
+/// A node of a formula; arguments are positions of nodes before it. Numbers are kept as their bits, so that equal nodes have one hash.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Node {
     Variable(usize),
@@ -26,7 +26,7 @@ pub(crate) enum Node {
     Abs(usize),
     /// lower, z, upper.
     Project(usize, usize, usize),
-    /// test, where it is not negative, elsewhere.
+    /// test, value where test ≥ 0, value elsewhere.
     Switch(usize, usize, usize),
 }
 
@@ -81,7 +81,7 @@ impl Node {
     }
 }
 
-/// The nodes written so far, each once.
+/// The nodes of a formula under construction, each once.
 #[derive(Default)]
 pub(crate) struct Writing {
     pub(crate) nodes: Vec<Node>,
@@ -103,7 +103,7 @@ pub(crate) fn write(page: &Page) -> MutexGuard<'_, Writing> {
     page.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A real number that is not known yet: a variable of a formula being traced, or what was computed from such variables.
+/// A variable of a formula being traced, or an expression computed from such variables.
 ///
 /// Arithmetic (``+ - * / **`` and ``abs``), the functions of this module, and numpy's ``sqrt exp log sin cos tan arctan sinh cosh tanh`` work on
 /// it. It has no value, so that ``if x > 0`` raises ``TypeError``: write :func:`semismooth.where` or :func:`semismooth.maximum`.
@@ -117,7 +117,7 @@ pub(crate) struct Expression {
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Condition {
     page: Page,
-    /// Not negative where it holds.
+    /// The node that is ≥ 0 where the comparison holds.
     test: usize,
 }
 
@@ -347,7 +347,7 @@ impl Expression {
     }
 }
 
-/// Operands on their common page; `None` if none of them is an expression.
+/// The nodes of operands on their common page; `None` if none of them is an expression.
 fn together<const N: usize>(objects: [&Bound<'_, PyAny>; N]) -> PyResult<Option<(Page, [usize; N])>> {
     let mut operands = Vec::with_capacity(N);
     for object in objects {
@@ -409,7 +409,7 @@ fn traced_where<'py>(
     b: Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let Ok(condition) = condition.cast::<Condition>() else {
-        // Decided when the formula is written.
+        // Without traced variables it is decided while tracing.
         return Ok(if condition.is_truthy()? { a } else { b });
     };
     let Condition { page, test } = condition.get();

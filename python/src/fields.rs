@@ -10,12 +10,12 @@ use pyo3::prelude::*;
 use crate::arrays::vector;
 use crate::errors::raised;
 
-/// The first exception of functions that the library calls; what they give after it is NaN, which it refuses.
+/// The first exception of functions that the library calls; after it they return NaN, which the library refuses.
 #[derive(Clone, Default)]
 pub(crate) struct Failures(Arc<Mutex<Option<PyErr>>>);
 
 impl Failures {
-    /// The exception where there was one, else what the library says.
+    /// The exception if there was one, else the result of the library.
     pub(crate) fn settle<T>(&self, result: Result<T, impl Error>) -> PyResult<T> {
         match self.0.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(exception) => Err(exception),
@@ -109,7 +109,7 @@ impl Direction {
     }
 }
 
-/// A vector of length d with zeros behind.
+/// A vector of length d, padded with zeros to length 3.
 pub(crate) fn in_space(value: &[f64], dim: usize, what: &str) -> PyResult<[f64; 3]> {
     if value.len() != dim {
         return Err(PyValueError::new_err(format!(

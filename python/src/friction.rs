@@ -21,7 +21,7 @@ pub(crate) struct FrictionResult {
     velocities: Py<PyArray2<f64>>,
     /// The state of each contact: "open", "stick", "slip+" where it slips along T1, "slip-" where against it.
     states: Vec<&'static str>,
-    /// "solved" or why not.
+    /// "solved", or why the problem is not.
     status: &'static str,
     /// The residual, scaled and contact by contact, measured at the reactions.
     residual: f64,

@@ -15,13 +15,13 @@ use crate::map::smooth;
 
 pub(crate) type Law = Arc<dyn NodeLaw + Send + Sync>;
 
-/// A coefficient of friction F: a number or one for each contact node, plus the parameter times ``rate`` (numbers likewise).
+/// A coefficient of friction F = ``value`` + parameter · ``rate``: each a number, or an array of shape (p,) for p contact nodes.
 ///
 /// See :meth:`table`, :meth:`exponential` and :meth:`function` for coefficients that depend on the slip ‖u_t‖, and :meth:`scaled`.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Friction {
     coefficient: FrictionCoefficient,
-    /// Where it depends on nothing but the slip.
+    /// F as a function of the slip, where it depends on nothing else.
     curve: Option<FrictionCurve>,
 }
 
@@ -33,7 +33,7 @@ impl Friction {
         }
     }
 
-    /// A coefficient, a number, or numbers.
+    /// From an object of this class, a number or an array.
     fn coefficient(object: &Bound<'_, PyAny>) -> PyResult<FrictionCoefficient> {
         match object.cast::<Self>() {
             Ok(friction) => Ok(friction.get().coefficient.clone()),
@@ -195,7 +195,7 @@ impl GivenBound {
     }
 }
 
-/// The law of a problem from what its `friction` says: nothing, a number, numbers, two of them in space, or an object.
+/// The law of a problem from its argument `friction`: `None`, a number, an array, a pair of coefficients in space, or an object.
 pub(crate) fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize, nodes: usize) -> PyResult<Law> {
     let Some(friction) = friction else {
         return Ok(match dim {

@@ -1,4 +1,4 @@
-//! The Python package `semismooth`: what it holds is documented where Python sees it.
+//! The extension module of the Python package `semismooth`; its docstrings are the documentation.
 
 mod arrays;
 mod body;

@@ -18,13 +18,13 @@ use crate::map::Map;
 pub(crate) struct Solution {
     /// The point, shape (m,); the parameter last where there is one.
     x: Py<PyArray1<f64>>,
-    /// The pieces of each site, by name, of every selection in whose closed cell the point lies (64 of them where more than 256 do).
+    /// The pieces of each site, by name, of every selection in whose closed cell the point lies (64 of them if there are more than 256).
     pieces: Vec<Vec<String>>,
     /// The sign of the determinant for each of them: −1, 0 or 1, None where it is not known.
     det_signs: Vec<Option<i8>>,
     /// Distance to the nearest kink in terms of test functions; 0 on a kink.
     margin: f64,
-    /// The local index (degree), where one or two active selections tell it.
+    /// The local index (degree), where one or two active selections determine it.
     index: Option<i8>,
     /// max |Hᵢ(x)|, evaluated at the point returned.
     residual: f64,
@@ -33,11 +33,11 @@ pub(crate) struct Solution {
 /// A continuum of solutions.
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct Continuum {
-    /// The pieces of each site, by name, of the selections that hold it.
+    /// The pieces of each site, by name, of the selections whose solutions form it.
     pieces: Vec<Vec<String>>,
     /// 1 for a segment, a ray or a line.
     dimension: usize,
-    /// The ends of a segment, of a ray its one end, shape (k, m).
+    /// The two ends of a segment, or the one end of a ray, shape (k, m).
     ends: Py<PyArray2<f64>>,
 }
 
@@ -52,13 +52,13 @@ pub(crate) struct SolutionSet {
     continua: Vec<Py<Continuum>>,
     /// Whether every selection was examined or ruled out, which is proven in exact arithmetic for the numbers given.
     complete: bool,
-    /// "complete", "incomplete" (the search was ended by a limit) or "not proven" (all selections were examined, some in doubt).
+    /// "complete", "incomplete" (the search was ended by a limit) or "not proven" (all selections were examined, but without a proof).
     status: &'static str,
     /// The largest residual of the solutions; 0 where there are none.
     residual: f64,
-    /// The verdict: "complete", "incomplete: ..." with how far the search came, or "not proven: ..." with the reason.
+    /// The verdict: "complete", "incomplete: ..." with how far the search got, or "not proven: ..." with the reason.
     completeness: String,
-    /// Sum of the local indices of a complete list, where all are known.
+    /// Sum of the local indices of a complete list without continua, where all are known.
     index_sum: Option<i64>,
     /// Partial selections tried.
     nodes: u64,
@@ -153,7 +153,7 @@ fn residual(map: &dyn PiecewiseSmooth, solution: &enumeration::Solution) -> f64 
     };
     let mut values = vec![0.0; map.num_residuals()];
     map.residual(selection, &solution.x, &mut values);
-    // NaN, which `max` would drop, is told.
+    // `max` would drop NaN, which is to be reported.
     values
         .into_iter()
         .fold(0.0, |m: f64, v| if v.is_nan() { v } else { m.max(v.abs()) })

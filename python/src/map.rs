@@ -1,4 +1,4 @@
-//! Maps made of formulas, and how a Python function becomes one.
+//! Maps made of formulas, traced from Python functions.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ pub(crate) struct Formula {
 }
 
 impl Formula {
-    /// The part of the page that the values need: kinks that decide nothing are no sites.
+    /// The nodes on which the values depend: kinks that do not affect them are no sites.
     fn new(variables: usize, page: &[Node], values: &[usize]) -> Self {
         let mut needed = vec![false; page.len()];
         values.iter().for_each(|&v| needed[v] = true);

@@ -27,12 +27,12 @@ type Block<'py> = (&'static str, Bound<'py, PyArray2<i64>>);
 /// points : array of shape (number of nodes, d), d = 2 or 3
 /// cells : dict, or list of pairs
 ///     Kind ("triangle", "quad", "tetra", "hexahedron", as meshio calls them) and an integer array of shape (k, nodes of a cell), numbered
-///     as in meshio, VTK and Gmsh. Cells numbered clockwise are turned round.
+///     as in meshio, VTK and Gmsh. Cells numbered clockwise are reversed.
 /// facets, cell_groups : dict, optional
 ///     Names with facets, an integer array of shape (k, nodes of a facet) or a list of lists, and with cells: numbers, or a mask of shape
 ///     (number of cells,).
 ///
-/// See also :meth:`rectangle`, :meth:`block`, :meth:`from_meshio` and :meth:`read_gmsh`. Meshes do not change: ``with_...`` makes another.
+/// See also :meth:`rectangle`, :meth:`block`, :meth:`from_meshio` and :meth:`read_gmsh`. Meshes are immutable: ``with_...`` makes another.
 ///
 /// >>> import semismooth as ss
 /// >>> mesh = ss.Mesh([[0, 0], [1, 0], [0, 1]], {"triangle": [[0, 1, 2]]}, facets={"bottom": [[0, 1]]})
@@ -110,18 +110,18 @@ impl Mesh {
         Ok(Self { mesh })
     }
 
-    /// A file of Gmsh (.msh, versions 2 and 4, text); its physical groups become groups.
+    /// Reads a file of Gmsh (.msh, versions 2 and 4, text); its physical groups become groups.
     #[staticmethod]
     fn read_gmsh(py: Python<'_>, path: std::path::PathBuf) -> PyResult<Self> {
         let mesh = py.detach(|| fem::read_gmsh(path)).map_err(raised)?;
         Ok(Self { mesh })
     }
 
-    /// A mesh of meshio (``meshio.read`` knows Abaqus, VTU, Exodus, MED and many other formats).
+    /// Converts a mesh of meshio (``meshio.read`` supports Abaqus, VTU, Exodus, MED and many other formats).
     ///
     /// Blocks of triangles and quadrilaterals (plane meshes; a third coordinate must be the same everywhere) or tetrahedra and hexahedra are
     /// its cells. Named sets of cells become groups of cells or facets, by the dimension of their blocks, and so do the physical groups of
-    /// Gmsh; of named sets of points the boundary facets that have all their nodes in the set. Nodes in no cell are left out.
+    /// Gmsh. A named set of points becomes the group of boundary facets that have all their nodes in it. Nodes in no cell are left out.
     ///
     /// Parameters
     /// ----------
@@ -136,7 +136,7 @@ impl Mesh {
         meshes.call_method1("from_meshio", (mesh,))
     }
 
-    /// The same as a mesh of meshio, with fields: ``write`` of it knows VTU, XDMF and many other formats.
+    /// The mesh as a mesh of meshio, with fields: its ``write`` supports VTU, XDMF and many other formats.
     ///
     /// Parameters
     /// ----------
@@ -220,14 +220,14 @@ impl Mesh {
         self.mesh.cell_group_names().map(group).collect()
     }
 
-    /// The mesh with a group of boundary facets more.
+    /// The mesh with an additional group of boundary facets.
     ///
     /// Parameters
     /// ----------
     /// name : str
     /// choose : callable
-    ///     ``choose(centres, normals)`` gets the centres and the outward unit normals of all boundary facets, shape (k, d) both, and gives a
-    ///     mask of shape (k,).
+    ///     ``choose(centres, normals)`` receives the centres and the outward unit normals of all boundary facets, both of shape (k, d), and
+    ///     returns a mask of shape (k,).
     ///
     /// >>> import semismooth as ss
     /// >>> mesh = ss.Mesh.rectangle([0, 0], [2, 1], [4, 2])
@@ -246,13 +246,14 @@ impl Mesh {
         Ok(Self { mesh })
     }
 
-    /// The mesh with a group of cells more.
+    /// The mesh with an additional group of cells.
     ///
     /// Parameters
     /// ----------
     /// name : str
     /// choose : callable
-    ///     ``choose(centres)`` gets the centres of all cells, shape (number of cells, d), and gives a mask of shape (number of cells,).
+    ///     ``choose(centres)`` receives the centres of all cells, shape (number of cells, d), and returns a mask of shape
+    ///     (number of cells,).
     fn with_cells(&self, py: Python<'_>, name: String, choose: &Bound<'_, PyAny>) -> PyResult<Self> {
         let centres: Vec<[f64; 3]> = (0..self.mesh.num_cells()).map(|c| self.mesh.centre(c)).collect();
         let chosen = choose.call1((truncated(py, self.mesh.dim(), &centres)?,))?;
@@ -309,7 +310,7 @@ fn index(value: i64, what: &str) -> PyResult<usize> {
     usize::try_from(value).map_err(|_| PyValueError::new_err(format!("negative number {value} in {what}")))
 }
 
-/// Numbers below `count`: as they are, or where a mask of that length is true.
+/// Indices below `count`: given as such, or as a mask of that length.
 fn numbers(object: &Bound<'_, PyAny>, count: usize, what: &str) -> PyResult<Vec<usize>> {
     let Ok(mask) = object.extract::<PyArrayLike1<'_, bool>>() else {
         return indices(object, what);

@@ -141,7 +141,7 @@ impl ContactSolution {
         self.tangential(py, |v| v.traction)
     }
 
-    /// Slips along the tangents, shape (p, d − 1); in a history those of the last level.
+    /// Slips along the tangents, shape (p, d − 1); in a history their increments since the level before.
     #[getter]
     fn slips<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.tangential(py, |v| v.slip)
@@ -192,8 +192,8 @@ impl ContactSolution {
     }
 
     /// Fields on the mesh nodes, a dict of arrays: "displacement" (number of nodes, 3), "pressure" (number of nodes,), "traction" and
-    /// "slip" (number of nodes, 3), the tractions of the foundation on the body by area, and "contact state" (−1 off the contact nodes, 0 open,
-    /// 1 stick, 2 and 3 slip).
+    /// "slip" (number of nodes, 3), the tractions of the foundation on the body per area, and "contact state" (−1 off the contact nodes,
+    /// 0 open, 1 stick, 2 slip+, 3 slip-).
     #[getter]
     fn point_data<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py()
@@ -230,27 +230,27 @@ impl ContactSolution {
 pub(crate) struct EvolutionStep {
     /// The parameter.
     level: f64,
-    /// The solution; slips are those of this level.
+    /// The solution; slips are the increments since the level before.
     solution: Py<ContactSolution>,
-    /// Parameters of the folds on the way: where there are any, solutions are not unique nearby.
+    /// Parameters of the folds on the curve from the level before; near a fold solutions are not unique.
     folds: Vec<f64>,
-    /// Number of transitions on the way: points of the curve where nodes change their state. In reduced form, the nodes whose state is not
-    /// that of the level before.
+    /// Number of transitions (points where nodes change their state) on the curve from the level before. In reduced form, number of nodes
+    /// whose state differs from that at the level before.
     transitions: usize,
     /// How the level was reached: "followed" (along the curve from the level before), "jumped" (the curve turns back, another solution was
-    /// found), "passed folds", "same level" (as that before), or "ended: ..." and "not followed: ..." with the reason; "solved" in reduced
-    /// form, where curves are not followed.
+    /// found), "passed folds" (the curve reaches the level after folds, the solution may lie elsewhere), "same level" (as that before), or
+    /// "ended: ..." and "not followed: ..." with the reason; "solved" in reduced form, where curves are not followed.
     arrival: String,
     /// Work of the loads and of moving supports in this step; NaN in reduced form.
     work: f64,
     /// Change of the elastic energy.
     stored: f64,
-    /// Dissipated by friction; work = stored + dissipated where the level was followed. In reduced form, by the forces at its end.
+    /// Energy dissipated by friction; work = stored + dissipated where the level was followed. In reduced form, from the forces at its end.
     dissipated: f64,
-    /// What friction gave back where nodes that slipped came back within the step: where it is not small beside dissipated, levels are too
-    /// far apart. NaN in reduced form.
+    /// Work returned by friction at nodes that reverse their slip within the step, ≥ 0: where it is not small compared with ``dissipated``,
+    /// levels are too far apart. NaN in reduced form.
     returned: f64,
-    /// What the law remembers at each node, shape (p, h): the slip of all levels, where friction depends on it.
+    /// History variables of the law at each node, shape (p, h): the slip accumulated over all levels, where friction depends on it.
     history: Py<PyArray2<f64>>,
 }
 
@@ -320,19 +320,20 @@ impl EvolutionStep {
     }
 }
 
-/// Goes through a history of load levels: in each the static law holds for the increments of slip, and the curve of solutions is followed
-/// from the level before, so that folds are seen and not jumped. Friction that depends on the slip depends on all slip since the beginning.
+/// Solves a history of load levels: at each the static law holds for the increments of slip, and the curve of solutions is followed from
+/// the level before, so that folds are detected. Friction that depends on the slip depends on the slip accumulated since the beginning.
 ///
 /// Parameters
 /// ----------
 /// problem : ContactProblem
-///     It is left as it is.
+///     Not modified.
 /// start : ContactSolution, EvolutionStep or array
-///     The solution at the first level, whose slips count; with a step of an earlier history, what the law remembers there.
+///     The solution at the first level; its slips enter the accumulated slip. A step of an earlier history is continued with its
+///     history variables.
 /// levels : array of shape (k,)
-///     The parameters that come after.
+///     The parameters of the levels after the first.
 /// slip_increments : bool
-///     Friction that depends on the slip is taken at the slip of each level alone: what comes out depends on the levels.
+///     If true, friction that depends on the slip depends on the increment of each level alone; the result then depends on the levels.
 /// callback : callable, optional
 ///     Called with each :class:`EvolutionStep`; returns True to stop.
 /// **options
@@ -346,7 +347,7 @@ impl EvolutionStep {
 /// Raises
 /// ------
 /// SemismoothError
-///     At levels where no solution is found; the callback has seen the steps before.
+///     If no solution is found at a level; the callback has been called with the steps before.
 ///
 /// >>> import semismooth as ss
 /// >>> body = ss.Body(ss.Mesh.rectangle([0, 0], [2, 1], [8, 4]), ss.Material(1.0, 0.3), supports={"top": [0.0, -0.02]})
@@ -418,7 +419,7 @@ pub(crate) fn evolve(
 /// Where a history begins.
 struct Start {
     x: Vec<f64>,
-    /// Of an earlier one that goes on.
+    /// History variables, where an earlier history is continued.
     history: Option<Vec<f64>>,
 }
 
@@ -458,7 +459,7 @@ fn evolve_reduced(
         let mut problem = begun(reduced)?;
         problem.set_options(options).map_err(raised)?;
         if let Some(history) = &start.history {
-            // The slips of the levels before are those of the displacements.
+            // The reference slips are those of the displacements at the start.
             let solution = problem.solution(first, u).map_err(raised)?;
             let along = |d: usize| solution.nodes.iter().map(move |v| v.slip[d]);
             let slips: Vec<f64> = (0..own.dim() - 1).flat_map(along).collect();

@@ -11,7 +11,7 @@ use crate::contact::point;
 use crate::continuation::{Branch, EVERYWHERE, Problem, Travel};
 use crate::errors::{Run, raised};
 
-/// A point of a transition set where folds begin or end along it.
+/// A point of a transition set at which its transitions change between folds and pass-throughs.
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct CharacterChange {
     /// The point (y, α, β), shape (n + 2,).
@@ -23,11 +23,11 @@ pub(crate) struct CharacterChange {
 /// A transition as a curve in a second parameter.
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct TransitionCurve {
-    /// The points (y, α, β), the second parameter last. Transitions of it are points of codimension two.
+    /// The points (y, α, β), the second parameter last. Its own transitions are points of codimension two.
     branch: Py<Branch>,
     /// For each point of the branch, whether α folds there; None where that is not known.
     folds: Vec<Option<bool>>,
-    /// Where that changes between transitions.
+    /// Where ``folds`` changes between transitions of the branch.
     character_changes: Vec<Py<CharacterChange>>,
 }
 
@@ -36,12 +36,12 @@ pub(crate) struct TransitionCurve {
 /// Parameters
 /// ----------
 /// H : callable, Map or ContactProblem
-///     ``H(x)`` for x of shape (n + 2,), both parameters last, gives n values; it is traced: see :func:`trace`. Of a contact problem
-///     :meth:`ContactProblem.with_second_parameter` makes a family.
+///     ``H(x)`` for x of shape (n + 2,), both parameters last, gives n values; it is traced: see :func:`trace`. A contact problem
+///     gets its second parameter by :meth:`ContactProblem.with_second_parameter`.
 /// x0 : array of shape (n + 2,)
-///     Start: the x of a transition, and β behind it; corrected at its β.
+///     Start: the x of a transition, then β; corrected at its β.
 /// site, test : int
-///     The site that switches (one of ``sites`` of the transition) and which of its test functions vanishes, both from 0.
+///     The site that switches (one of ``sites`` of the transition) and which of its test functions vanishes, both counted from 0.
 /// parameter_range, direction, callback, **options
 ///     As for :func:`follow`, the parameter being β.
 ///

@@ -156,7 +156,7 @@ pub(crate) struct ConeResult {
     status: String,
     /// ‖x − P(x − F(x))‖_∞ with the projection P on the cones.
     residual: f64,
-    /// The error that decides, in units of each cone.
+    /// The error that is compared with the tolerance, scaled for each cone.
     error: f64,
     /// Where there is no solution, v in K with −Mᵀv in K* and qᵀv < 0, shape (n,).
     ray: Option<Py<PyArray1<f64>>>,
@@ -186,7 +186,7 @@ impl ConeResult {
 /// F : callable, Map, or tuple (M, q)
 ///     As for :func:`solve_vi`.
 /// cones : list of (str, int)
-///     The factors of K and their dimensions, which cut x in order: "free", "nonnegative", "second-order" (x₀ ≥ ‖(x₁, …)‖₂),
+///     The factors of K and their dimensions, which partition x in this order: "free", "nonnegative", "second-order" (x₀ ≥ ‖(x₁, …)‖₂),
 ///     or "semidefinite" with the order k of the matrices, k (k + 1)/2 variables: the upper triangle column by column, entries off the
 ///     diagonal times √2.
 /// x0 : array of shape (n,), optional

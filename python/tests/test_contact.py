@@ -62,7 +62,7 @@ def test_the_bound_of_a_coulomb_solution_gives_that_solution():
     np.testing.assert_allclose(given.pressures, coulomb.pressures, rtol=0, atol=1e-12)
     np.testing.assert_allclose(given.tractions, coulomb.tractions, rtol=0, atol=1e-12)
     np.testing.assert_allclose(given.slips, coulomb.slips, rtol=0, atol=1e-10)
-    # Where nothing is given nothing rubs; far above it all that touches sticks.
+    # With the bound 0 there is no friction; with a large one all nodes in contact stick.
     free = pressed(ss.GivenBound(0.0)).solve()
     np.testing.assert_allclose(free.tractions, 0, atol=1e-15)
     np.testing.assert_allclose(free.pressures, pressed(None).solve().pressures, atol=1e-12)
@@ -78,7 +78,7 @@ def test_contact_forces_live_on_nodes_dual_cells_or_patches():
     for multipliers, count in [("nodal", 16), ("dual cells", 16), (0.25, 8), (0.5, 4)]:
         problem = pressed(0.3, multipliers=multipliers)
         assert problem.num_contacts == count
-        # The node at the support carries none: the dual cells of others take its part of the facets.
+        # The node at the support has no multiplier: the dual cells of others cover its part of the facets.
         np.testing.assert_allclose(problem.areas.sum(), 2.0 if multipliers != "nodal" else nodal.areas.sum(), rtol=1e-12)
         solution = problem.solve()
         assert max(solution.residuals.values()) < 1e-12
@@ -245,7 +245,7 @@ def test_histories_balance_and_can_be_continued():
     for step in steps:
         assert step.arrival == "followed" and step.folds == [] and step.dissipated > 0
         assert step.work == pytest.approx(step.stored + step.dissipated, rel=1e-10)
-    # Between two turns the same as one step; the problem itself has no memory.
+    # Levels between two reversals change nothing; the problem keeps no history.
     once = ss.evolve(problem, problem.solve(0.0), [1.0, -1.0, 1.0])
     for a, b in ((1, 0), (4, 1), (5, 2)):
         np.testing.assert_allclose(steps[a].solution.pressures, once[b].solution.pressures, rtol=1e-10)
@@ -292,7 +292,7 @@ def test_large_bodies_are_solved_in_their_displacements(solid):
         assert t.arrival == "solved" and t.folds == [] and np.isnan(t.work)
         assert abs(t.stored - s.stored) <= 1e-8 * a[1].solution.energy["stored"]
         assert t.dissipated >= 0.0
-    # A history that goes on from a level is the rest of one in a piece.
+    # A history continued from a level is the rest of an uninterrupted one.
     rest = ss.evolve(reduced, b[1], levels[2:])
     np.testing.assert_allclose(rest[0].solution.x, b[2].solution.x, atol=1e-8 * np.abs(b[2].solution.x).max(), rtol=0)
 
@@ -351,7 +351,7 @@ def test_lists_of_solutions_and_diagrams_take_contact_problems():
     diagram = ss.diagram(problem, [problem.solve(0.0)], parameter_range=(0.0, 1.0))
     np.testing.assert_allclose(diagram.solutions_at(0.7), found.points, rtol=0, atol=1e-12)
     branch = ss.follow(problem, problem.solve(0.0), parameter_range=(0.0, 1.0))
-    # The nodes that change are told by their sites, the names are those of their states.
+    # Nodes that change are among the sites; pieces are named as states.
     for t in branch.transitions:
         changed = [k for k, (a, b) in enumerate(zip(t.before, t.after)) if a != b]
         assert changed and set(changed) <= set(t.sites)

@@ -372,7 +372,7 @@ def test_tables_of_diagrams_hold_a_row_for_each_point():
 
 
 def signs_of_the_crate():
-    """The signs of `Marker` in the crate, by the first character of their documentation, and the constants of `Colour`."""
+    """The symbols of `Marker` in the crate, by the first character of their documentation, and the constants of `Colour`."""
     source = (CRATE / "src" / "output" / "diagram.rs").read_text(encoding="utf-8")
     names = dict(re.findall(r'Self::(\w+) => "([^"]+)"', source))
     body = source[source.index("pub enum Marker {") :]

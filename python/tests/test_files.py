@@ -39,7 +39,7 @@ def with_facets(mesh, facets):
         blocks.append(meshio.CellBlock(kind, rows))
         sets[name] = len(blocks) - 1
     named = {n: [np.arange(len(b.data)) if k == own else np.empty(0, int) for k, b in enumerate(blocks)] for n, own in sets.items()}
-    # A node of no cell, as files of others have.
+    # A node of no cell, as some programs write.
     points = np.vstack([plain.points, [[7.0, 7.0, plain.points[0, 2]]]])
     return meshio.Mesh(points, blocks, cell_sets=named)
 

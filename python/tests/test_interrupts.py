@@ -95,7 +95,7 @@ def cone():
     def residual(x):
         return x**2 + np.roll(x, 1) ** 2 + 1
 
-    # Restarts at which F has no values any more pass without a look: five microseconds each.
+    # Restarts at which F is not finite pass without a check for signals: five microseconds each.
     ss.solve_cone(residual, [("free", 30), ("second-order", 10)], np.ones(40), **without_end(restarts=2000))
 
 
@@ -106,7 +106,7 @@ def pivots():
 
 
 def friction():
-    # To more digits than there are.
+    # To a tolerance below rounding.
     rng = np.random.default_rng(0)
     H = rng.normal(size=(90, 20))
     ss.solve_friction(H @ H.T, H @ rng.normal(size=20), np.full(30, 0.8), tolerance=1e-300, max_sweeps=10**9, max_factorisations=10**9)
@@ -145,7 +145,7 @@ WORK = [
 
 
 def seconds_to_end(work):
-    """From the signal to the exception, half a second after the begin."""
+    """From the signal to the exception, sent half a second after the start."""
     sent = []
 
     def send():
@@ -156,7 +156,7 @@ def seconds_to_end(work):
     timer.start()
     try:
         with pytest.raises(KeyboardInterrupt):
-            # Those that end are begun again.
+            # Runs that end are repeated.
             while True:
                 work()
         return time.perf_counter() - sent[0]
@@ -166,7 +166,7 @@ def seconds_to_end(work):
 
 @pytest.mark.parametrize("work", WORK)
 def test_ctrl_c_ends_within_a_tenth_of_a_second(work):
-    # On a machine with other work one try in ten is in time; where the library does not look, none is.
+    # Under load one try in ten is in time; where the library does not check for signals, none is.
     assert any(seconds_to_end(work) < 0.1 for _ in range(10))
 
 

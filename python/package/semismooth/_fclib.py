@@ -27,8 +27,8 @@ def read_fclib(path: str | PathLike[str]) -> FrictionProblem:
     """Reads a local frictional contact problem of an HDF5 file of fclib (Acary, Brémond, Koziara, Pérignon 2014).
 
     The file's W, q and mu are M, q and mu of :func:`solve_friction`, contact by contact N, T1[, T2]. W may be stored by columns, by rows or
-    as triplets. Problems with equality constraints beside contact (V, R, s) and global problems (``fclib_global``) are refused. h5py and scipy
-    must be installed.
+    as triplets. Problems with equality constraints besides contact (V, R, s) and global problems (``fclib_global``) are refused. h5py and
+    scipy must be installed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Kinks of arrays: of traced expressions element by element, of numbers as numpy does."""
+"""Kinks, element by element: traced for expressions, numpy's functions for numbers."""
 
 from collections.abc import Callable
 from typing import Any
@@ -37,8 +37,8 @@ def clip(x: Any, lower: Any, upper: Any) -> Any:
 def where(condition: Any, a: Any, b: Any) -> Any:
     """a where the condition holds, else b, element by element; each comparison is a site with the pieces "first" and "second".
 
-    The two formulas must agree where the sides of the comparison are equal: a map that jumps there is not piecewise smooth, and what is
-    found is then wrong.
+    The two formulas must agree where the sides of the comparison are equal: a map that jumps there is not piecewise smooth, and
+    results are then wrong.
 
     >>> import semismooth as ss
     >>> huber = ss.trace(lambda x: [ss.where(x[0] < 1, x[0] ** 2, 2 * x[0] - 1)], 1)

@@ -6,9 +6,9 @@ import numpy as np
 
 from . import _core
 
-#: Dimension of the cells of meshio that serve, as cells or as facets.
+#: Dimensions of the cell types of meshio that become cells or facets.
 _DIMENSIONS = {"line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
-#: Cells that say nothing here.
+#: Cell types that are ignored.
 _IGNORED = {"vertex"}
 
 
@@ -16,7 +16,7 @@ def _named_cells(mesh: Any) -> dict[str, list[Any]]:
     """Names, and for each block the cells in that group."""
     named: dict[str, list[Any]] = {}
     for name, blocks in mesh.cell_sets.items():
-        # Gmsh's reader keeps numbers of its own beside the names.
+        # meshio's reader for Gmsh adds sets of its own, which are no names.
         if not name.startswith("gmsh:"):
             named[name] = [np.asarray([] if b is None else b, dtype=int) for b in blocks]
     tags = mesh.cell_data.get("gmsh:physical")

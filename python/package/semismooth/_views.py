@@ -1,5 +1,5 @@
-"""Tables and pictures of branches and diagrams, where pandas and matplotlib are installed. Colours and signs are those of the crate's pictures
-(`Colour` and `Marker` in its module `output`)."""
+"""Tables and pictures of branches and diagrams, where pandas and matplotlib are installed. Colours and markers are those of the crate's
+pictures (`Colour` and `Marker` in its module `output`)."""
 
 import csv
 import io
@@ -11,7 +11,7 @@ import numpy as np
 #: Colours of combinations of pieces, in the order in which they are met.
 _COLOURS = ("#0072b2", "#d55e00", "#1aa873", "#dd8fbd", "#555555")
 
-#: What happens at a point, by the name of its event: the name in the legend.
+#: The legend entry of each event.
 _KINDS = {
     "pass-through": "transition",
     "fold": "fold",
@@ -27,7 +27,7 @@ _KINDS = {
     "start": "start",
 }
 
-#: The sign of each kind: matplotlib's marker, its size, and how it is filled.
+#: The marker of each legend entry: matplotlib's name, its size, and how it is filled.
 _MARKERS: dict[str, tuple[Any, float, str]] = {
     "transition": ("o", 7, "white"),
     "fold": ("^", 8, "white"),
@@ -101,13 +101,13 @@ class _Picture:
         self.classes: list[tuple[str, ...]] = []
 
     def label(self, name: str) -> str:
-        """The name for the legend where it is the first of this name."""
+        """The name for the legend, hidden by an underscore if it is there already."""
         known = name in self.named
         self.named.add(name)
         return "_" + name if known else name
 
     def line(self, points: Any, pieces: Sequence[str], negative: bool) -> None:
-        # As in pictures of the crate, the pieces of few sites are told by colours.
+        # As in pictures of the crate, colours show the pieces where there are few sites.
         few = 0 < len(pieces) <= 2
         look = {"color": _COLOURS[0], "label": "_line"}
         if few and "color" not in self.style:
@@ -160,7 +160,7 @@ def plot_diagram(diagram: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | 
     picture = _Picture(ax, x, y, style)
     dashed = False
     for edge in diagram.edges:
-        # The determinant changes its sign at smooth folds alone.
+        # Along an edge the determinant changes its sign at smooth folds alone.
         cuts = [0, *edge.smooth_folds, len(edge.points) - 1]
         for a, b in zip(cuts, cuts[1:]):
             signs = [s for s in edge.point_det_signs[a : b + 1] if s]
