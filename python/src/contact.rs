@@ -428,7 +428,7 @@ impl ContactProblem {
         match &self.route {
             Route::Mapped(form) => Ok(form.as_ref()),
             Route::Reduced(_) => Err(SemismoothError::new_err(
-                "a problem in reduced form has solutions and histories, but no curves and no lists: write form=\"condensed\"",
+                "a problem in reduced form supports solve and evolve, not follow, diagram or all_solutions: write form=\"condensed\"",
             )),
         }
     }

@@ -22,7 +22,7 @@ pub(super) const TRIES: u64 = 6;
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum LocalUniqueness {
-    /// It is: the B-derivative in y is a homeomorphism.
+    /// It is: H is coherently oriented in y, and its B-derivative in y is a homeomorphism.
     Lipschitz {
         /// The common sign of det ∇_yH^(σ); `None` where a single selection is active and no determinant is known.
         sign: Option<i8>,
@@ -148,8 +148,8 @@ impl LocalUniqueness {
 /// Whether the solution y at x is an isolated Lipschitz function of the load f, everything else kept fixed. `load` is ∂_fH (n × k); the
 /// identity stands for arbitrary perturbations of the residual. At most `cap` active selections are examined.
 ///
-/// y is such a function for arbitrary perturbations exactly if the B-derivative of H in y is a homeomorphism and no essentially active
-/// selection is singular (J.-S. Pang, D. Ralph, Math. Oper. Res. 21 (1996), Theorems 4, 5; S. Scholtes, *Introduction to Piecewise
+/// y is such a function for arbitrary perturbations exactly if H is coherently oriented in y at x and its B-derivative in y is a
+/// homeomorphism (J.-S. Pang, D. Ralph, Math. Oper. Res. 21 (1996), Theorems 4, 5; S. Scholtes, *Introduction to Piecewise
 /// Differentiable Equations* (2012), ch. 4). The conditions are examined as follows:
 ///
 /// * *Essentially active* is a selection whose cell has interior points arbitrarily near x, α fixed: some d has sign·∇_yθ·d > 0 on its

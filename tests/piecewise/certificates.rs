@@ -256,6 +256,39 @@ mod traced {
         }
     }
 
+    /// (y₁, y₂ − 2 mid(0, y₂, y₁²)) = (0, α): its B-derivative at 0 is the identity, and yet in the cusp 0 < y₂ < y₁² the determinant is −1.
+    struct Cusp;
+    impl NonsmoothFunction for Cusp {
+        fn num_vars(&self) -> usize {
+            3
+        }
+        fn num_residuals(&self) -> usize {
+            2
+        }
+        fn eval<T: Real>(&self, x: &[T], k: &mut Kinks<'_, T>, out: &mut [T]) {
+            out[0] = x[0];
+            out[1] = x[1] - k.project(T::from(0.0), x[1], x[0] * x[0]) * 2.0 - x[2];
+        }
+    }
+
+    /// Near 0 there are three points with one image: an invertible B-derivative alone certifies nothing.
+    #[test]
+    fn cusps_beside_an_invertible_b_derivative_are_no_certificate() {
+        let map = Traced::new(Cusp);
+        let residual = |y: [f64; 2]| {
+            let x = [y[0], y[1], 0.0];
+            let mut out = [0.0; 2];
+            map.residual(&semismooth::piecewise::select(&map, &x), &x, &mut out);
+            out
+        };
+        // Below the cusp, in it and above it.
+        let e = 0.125;
+        let values = [-e * e / 2.0, e * e / 2.0, 1.5 * e * e].map(|y| residual([e, y]));
+        assert_eq!(values, [[e, -e * e / 2.0]; 3]);
+        let found = at_zero(&map, 10);
+        assert!(!found.is_certified(), "{found:?}");
+    }
+
     #[test]
     fn what_first_derivatives_cannot_tell_is_a_doubt() {
         let map = Traced::new(Tangent);
