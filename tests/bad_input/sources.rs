@@ -1,4 +1,4 @@
-//! Errors that come from the system or from another library hand on the original.
+//! Errors that come from the operating system or from another library keep the original as their source.
 #![cfg(feature = "json")]
 
 use std::error::Error;

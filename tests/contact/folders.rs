@@ -7,7 +7,7 @@ use semismooth::contact::read_folder;
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sparse::read_matrix_market;
 
-/// A copy of a folder that is right, removed at the end.
+/// A copy of a valid folder, removed at the end.
 struct Copy(PathBuf);
 
 impl Copy {
@@ -58,7 +58,7 @@ fn broken_descriptions_are_named() {
         let error = read(text).unwrap_err().to_string();
         assert!(words.iter().all(|w| error.contains(w)), "{text}: {error}");
     }
-    // One number stands for a list of equal ones; r is what the problem chooses unless told.
+    // One number stands for a list of equal ones; r is the problem's own choice unless given.
     let one = read("{\"friction\": 0.25}").unwrap().problem;
     let list = read(&format!("{{\"friction\": {:?}, \"r\": 1}}", vec![0.25; p]))
         .unwrap()
