@@ -25,7 +25,7 @@ pub(crate) fn cases(count: u64) -> u64 {
     asked.unwrap_or(0).max(count)
 }
 
-/// What a function of the plane is embedded in.
+/// The embedding of a function of the plane.
 #[derive(Clone, Copy)]
 pub(crate) struct Setting {
     pub(crate) residuals: usize,
