@@ -42,8 +42,8 @@ fn compare<V: View>(map: &Contact<V, PlanarCoulomb>, case: &common::Case) {
         let context = format!("{} at {alpha}: {:?}", case.name, letters(map, &set));
         assert_eq!(set.completeness, Completeness::Complete, "{context}");
         if !representable {
-            // A transition at 14/3 lies a hair beside the number next to it: fewer selections meet there, and a fold has two solutions or
-            // none.
+            // The floating-point number nearest to a transition at 14/3 lies beside it: fewer selections meet there, and a fold has two
+            // solutions or none.
             let stored = |s: &String| {
                 list.iter()
                     .any(|l| l["all_states"].as_array().unwrap().iter().any(|w| w == s))
