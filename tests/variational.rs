@@ -551,8 +551,8 @@ fn units_of_rows_move_no_multipliers() {
     }
 }
 
-/// F = x on 3 x₂ + 2 x₃ = −2, (3 − δ) x₂ + 2 x₃ = −2, x₃ ≥ −1: the nearly parallel equations leave (0, 0, −1) alone, where the inequality makes
-/// the multipliers a ray. For δ = 0 the solution is the point of the plane nearest to 0.
+/// F = x on 3 x₂ + 2 x₃ = −2, (3 − δ) x₂ + 2 x₃ = −2, x₃ ≥ −1: the nearly parallel equations leave (0, 0, −1) alone, where the inequality
+/// makes the multipliers a ray. For δ = 0 the solution is the point of the plane nearest to 0.
 #[test]
 fn nearly_parallel_rows_let_no_solution_move() {
     for delta in [1.0, 1e-6, 2_f64.powi(-44), 0.0] {

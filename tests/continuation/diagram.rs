@@ -288,8 +288,8 @@ fn an_arc_from_bound_to_bound_has_one_diagram() {
     }
 }
 
-/// (y − f)(y − g) = 0, f = 0.3 (α − c) + 0.2 max(α − d, 0) and g = −0.7 (α − c): two lines that cross at c, one with a kink at d; y and α in
-/// units.
+/// (y − f)(y − g) = 0, f = 0.3 (α − c) + 0.2 max(α − d, 0) and g = −0.7 (α − c): two lines that cross at c, one with a kink at d; y and α
+/// in units.
 struct Crossing {
     at: f64,
     kink: f64,

@@ -332,7 +332,8 @@ fn starts_at_branch_points_of_any_size() {
     }
 }
 
-/// −u″ = λ (u − u³) on (0, 1), u = 0 at the ends, by n differences, times a unit: u = 0 bifurcates at the eigenvalues of the discrete Laplacian.
+/// −u″ = λ (u − u³) on (0, 1), u = 0 at the ends, by n differences, times a unit: u = 0 bifurcates at the eigenvalues of the discrete
+/// Laplacian.
 struct Buckling {
     n: usize,
     unit: f64,

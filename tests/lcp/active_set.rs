@@ -80,8 +80,8 @@ proptest! {
     }
 }
 
-/// A string over a flat obstacle, 2 z₁ − z₂ = 1, … , in units of rows and unknowns that lie up to 2⁸⁰ apart, from starts up to the ends of the
-/// range of numbers: z = (1/4, 1/2, 3/4, 0, 0) with the third unknown held at 3/4 from above and the load −3 on the last.
+/// A string over a flat obstacle, 2 z₁ − z₂ = 1, … , in units of rows and unknowns up to 2⁸⁰ apart, from starts up to the ends of the range
+/// of numbers: z = (1/4, 1/2, 3/4, 0, 0) with the upper bound 3/4 of the third unknown active and the load −3 on the last.
 #[test]
 fn neither_units_nor_starts_far_out_change_the_solution() {
     let n = 5;

@@ -408,8 +408,8 @@ fn a_solver_goes_from_map_to_map_of_one_size() {
     }
 }
 
-/// The circle y² + α² = R² and the line α = 0.6 R meet at y = 0.8 R, whatever the unit of lengths: a last correction has the size of the rounding
-/// of R, not of 1/R.
+/// The circle y² + α² = R² and the line α = 0.6 R meet at y = 0.8 R, whatever the unit of lengths: a last correction has the size of the
+/// rounding of R, not of 1/R.
 #[test]
 fn points_in_a_plane_are_exact_in_any_unit() {
     for radius in [1e-9, 1e-6, 1.0, 1e6] {

@@ -17,8 +17,8 @@ fn distance(a: &Matrix, b: &Matrix) -> f64 {
     pairs.fold(0.0, |d, (a, b)| d.max((a - b).abs()))
 }
 
-/// The list holds the derivatives at random points near x, at which the map is differentiable, and nothing else, and so does the one element
-/// that Newton's method uses. Returns the number of elements.
+/// The list holds the derivatives at random points near x, at which the map is differentiable, and nothing else, and so does the one
+/// element that Newton's method uses. Returns the number of elements.
 fn agrees_with_derivatives_nearby(map: &dyn Semismooth, x: &[f64], rng: &mut Random) -> usize {
     let list = map.b_subdifferential(x, 1e-12, CAP).unwrap();
     let mut met = vec![false; list.len()];

@@ -151,7 +151,7 @@ impl Circle {
             .then(|| cross(&self.images[k], &self.images[next]) / step)
     }
 
-    /// How often the image goes round.
+    /// The winding number of the image.
     fn turns(&self) -> f64 {
         let angle = |k: usize| {
             let (a, b) = (&self.images[k], &self.images[(k + 1) % DIRECTIONS]);
