@@ -346,7 +346,7 @@ fn a_run_can_be_printed() {
     );
 }
 
-/// Every option by its builder: those that reject say so by name.
+/// Every option by its builder: builders that reject a value name the option.
 #[test]
 fn builders_reach_the_options_they_name() {
     type Set = fn(ContinuationOptions) -> ContinuationOptions;
@@ -414,7 +414,7 @@ fn unstable_edges_are_dashed() {
 
 /// A search that is asked to stop does so before the next run.
 #[test]
-fn searches_end_when_asked() {
+fn searches_end_on_request() {
     use semismooth::continuation::search_solutions_observed;
     use std::ops::ControlFlow;
     use std::time::Duration;

@@ -247,7 +247,7 @@ fn components_have_the_names_of_their_blocks() {
     let names: Vec<String> = (0..3).map(|i| problem.site_name(i).into_owned()).collect();
     assert_eq!(names, ["flow[0]", "flow[1]", "time"]);
     assert_eq!(variables.name(3), None);
-    // With a parameter behind them, too.
+    // With a parameter after them, too.
     let x = variables.view(&[1.0, 2.0, 3.0, 9.0]).unwrap();
     assert_eq!(x.block("time"), Ok(&[3.0][..]));
 }

@@ -59,7 +59,7 @@ impl McpFunction for Shape {
 
 /// The default pattern, 640 GB here, is not built where another one is given.
 #[test]
-fn patterns_of_differences_are_made_when_asked_for() {
+fn patterns_of_differences_are_built_on_demand() {
     let n = 200_000;
     let f = Differenced::new(n, |x: &[f64], out: &mut [f64]| out.copy_from_slice(x));
     assert_eq!(f.num_colors(), n);

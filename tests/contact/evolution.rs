@@ -234,7 +234,7 @@ fn slip_of_levels_is_refused() {
     assert_eq!(refused, Err(ContactError::SlipOfLevels));
 }
 
-/// A solid block held at its top, pressed 0.02 into the ground and moved by (0.007, 0.01) α.
+/// A solid block fixed at its top, pressed 0.02 into the ground and moved by (0.007, 0.01) α.
 fn solid(n: usize, friction: [f64; 2]) -> CondensedContact<OrthotropicCoulomb> {
     let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], [n, n, n / 2]).unwrap();
     let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap())
@@ -306,7 +306,7 @@ fn turning() -> CondensedContact<PlanarCoulomb> {
 
 /// Within one level the node slides back with the friction force; from level to level it sticks where the motion turns.
 #[test]
-fn what_comes_back_within_a_level_is_told() {
+fn returned_work_within_a_level_is_reported() {
     let run = |n: u32| {
         let mut problem = turning();
         let start = problem.solve(0.0, None).unwrap();

@@ -79,7 +79,7 @@ fn broken_descriptions_are_named() {
     assert!((one.r() - quarter).abs() < 1e-9 * quarter && list.r() == 1.0);
     let wrong = read(&format!("{{\"friction\": {:?}}}", vec![0.25; p + 1]));
     assert!(wrong.is_err());
-    // A vector that is too short or no number.
+    // A vector that is too short, or an entry that is not a number.
     std::fs::write(copy.0.join("meta.json"), "{\"friction\": 0.25}").unwrap();
     let f1 = std::fs::read_to_string(copy.0.join("f1.txt")).unwrap();
     let mut lines: Vec<&str> = f1.lines().collect();

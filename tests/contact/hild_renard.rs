@@ -310,7 +310,7 @@ proptest! {
 /// The vertical segment of this bifurcating problem, −6 ≤ u_t ≤ 0 at the pole α = 57/33, ends where the node opens, at a point that is a
 /// transition and a branch point of slip at once.
 #[test]
-fn the_end_of_the_vertical_segment_is_told_once() {
+fn the_end_of_the_vertical_segment_is_reported_once() {
     let problem = HildRenard::new(33.0, -57.0, 7.0, 4.0).unwrap().problem().unwrap();
     for alpha in [2.92067556659445, 3.257756315613208] {
         let options = ContinuationOptions::default().with_parameter_range((0.0, 5.0));

@@ -117,7 +117,7 @@ fn in_space() {
         let r = s.resultant();
         assert!(s.residuals.largest() < 1e-11);
         assert!((r[0] - nodal[0]).abs() < 0.1 * nodal[0] && (r[1] - nodal[1]).abs() < 0.1 * nodal[0]);
-        // Lumped nodes leave out what belongs to the clamped edge.
+        // Lumped nodes lack the share of the clamped edge.
         let area = rows.areas.iter().sum::<f64>();
         assert!(
             (area - 1.0).abs() < 1e-12 || (area - 11.0 / 12.0).abs() < 1e-12,

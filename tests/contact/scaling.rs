@@ -32,7 +32,8 @@ fn shuffled(n: usize) -> Vec<usize> {
 }
 
 impl Parts {
-    /// A block on the ground, held on top; sides are pushed from one side to the other while it is pressed down.
+    /// A block on the ground, fixed on top; horizontal tractions on its sides turn from one direction to the other while it is pressed
+    /// down.
     fn block(dim: usize) -> Self {
         let mesh = if dim == 2 {
             Mesh::rectangle([0.0, 0.0], [40.0, 80.0], [10, 20]).unwrap()

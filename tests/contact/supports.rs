@@ -93,7 +93,7 @@ fn energies_are_those_of_the_whole_body() {
             })
             .sum();
         assert!((by_stress - exact).abs() < 1e-12 * exact, "{by_stress} {exact}");
-        // The reactions hold the contact forces.
+        // The reactions balance the contact forces.
         let reactions = system.reactions(&free, &supports).unwrap();
         let solution = condensed.solution(&x).unwrap();
         let [normal, tangential, _] = solution.resultant();
@@ -110,7 +110,7 @@ fn energies_are_those_of_the_whole_body() {
 }
 
 #[test]
-fn reactions_in_space_hold_the_contact_forces() {
+fn reactions_in_space_balance_the_contact_forces() {
     let mesh = Mesh::block([0.0; 3], [2.0, 1.0, 1.0], [4, 2, 2]).unwrap();
     let system = Elasticity::new(mesh, Material::isotropic(1.0, NU).unwrap())
         .prescribe("top", 0, |_| 0.004)

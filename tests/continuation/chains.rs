@@ -276,7 +276,7 @@ fn limits_of_time_leave_what_was_found() {
 
 /// A curve ends within a search for arms, midway or at its start, once the callback says so; a callback that never does changes nothing.
 #[test]
-fn curves_end_amid_a_search_when_asked() {
+fn curves_end_within_a_search_on_request() {
     use semismooth::continuation::{Branch, Continuation, ContinuationError, Direction, Termination};
     use std::ops::ControlFlow;
     use std::sync::atomic::{AtomicUsize, Ordering};

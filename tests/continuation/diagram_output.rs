@@ -518,7 +518,7 @@ fn tables_in_words() {
     // y < 0 on one side of the fold, y > 0 on the other.
     for (e, edge) in edges.iter().enumerate() {
         let y = edge.points[edge.points.len() / 2].x[0];
-        // The map is max(−(α − y), −(α + y)) or its negative: its sign tells which.
+        // The map is max(−(α − y), −(α + y)) or its negative, according to its sign.
         let words: Vec<&str> = lines[3 + vertices.len() + e].split_whitespace().collect();
         let expected = [e, edge.from.vertex, edge.to.vertex, edge.points.len()].map(|k| k.to_string());
         assert_eq!(words[..4], expected, "{text}");

@@ -309,7 +309,7 @@ fn a_sparse_string() {
         assert_eq!(branch.termination, Termination::ParameterRange);
         assert_eq!(branch.transitions.len(), expected.len());
         for (t, (alpha, site)) in branch.transitions.iter().zip(&expected) {
-            // The condition number of K, (2n/π)², is what rounding is amplified by.
+            // Rounding is amplified by the condition number of K, (2n/π)².
             let tolerance = 10.0 * f64::EPSILON * (n as f64).powi(2);
             assert!(
                 (t.parameter() - alpha).abs() <= tolerance * alpha,

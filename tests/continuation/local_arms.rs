@@ -108,7 +108,7 @@ fn neighbours_of_an_arm_are_tried() {
 }
 
 #[test]
-fn a_diagram_says_that_arms_may_miss() {
+fn a_diagram_reports_that_arms_may_be_missing() {
     let map = unloaded(20, 1);
     let mut options = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
     options.continuation.max_nodes = 3;

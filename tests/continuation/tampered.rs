@@ -225,7 +225,7 @@ fn a_tangent_that_is_too_long() {
             other => panic!("{path}: {:?}", other.map(|_| ())),
         }
     };
-    // A point beside the curve, in both kinds of variables.
+    // A point off the curve, in both kinds of variables.
     let mut state = saved.clone();
     for place in ["/x/0", "/here/x/0"] {
         let value = state.pointer(place).unwrap().as_f64().unwrap();

@@ -18,7 +18,7 @@ use semismooth::sparse::Matrix;
 struct InUnits {
     map: Plane,
     unit: f64,
-    /// Whether the map itself knows.
+    /// Whether the map itself states its typical sizes.
     tells: bool,
 }
 

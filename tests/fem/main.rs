@@ -402,7 +402,7 @@ fn bad_input() {
             other => panic!("{other:?}"),
         }
     }
-    // Two squares apart, of which one is held: the other one is named by its first node.
+    // Two separate squares, one of them supported: the other one is named by its first node.
     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let points = [0.0, 2.0]
         .map(|at| corners.map(|[x, y]| [x + at, y, 0.0]))

@@ -207,8 +207,8 @@ pub fn friction(data: &[u8]) {
         return;
     };
     let (first, last) = (bytes.numbers(n), bytes.numbers(n));
-    // A direction 1e9 times stiffer than r has its facets within the distance at which they count as met, and loads that differ by
-    // 1e9 are told apart as far as that distance allows: such problems must end, and need not be solved.
+    // A direction 1e9 times stiffer than r has its facets within the distance at which they count as met, and loads that differ by 1e9 are
+    // distinguished only up to that distance: such problems must end, and need not be solved.
     let ordinary = [&g, &first, &last].into_iter().flatten().all(|v| v.abs() <= 1e3);
     let load = LoadPath::between(first, &last);
     let friction =

@@ -121,7 +121,7 @@ fn what_nothing_holds_is_refused() {
 /// Without positions the condensed form names a displacement that moves: a bar of two springs that floats, alone and beside a supported
 /// one, a bar that rotates about its end, and one of negative stiffness, in which nothing moves without forces.
 #[test]
-fn motions_are_told_without_positions() {
+fn motions_are_named_without_positions() {
     let refused = |entries: &[(usize, usize, f64)], n: usize| {
         let a = Matrix::from_triplets(n, n, entries).unwrap();
         let row = |k: usize| Matrix::from_triplets(1, n, &[(0, k, 1.0)]).unwrap();

@@ -128,7 +128,7 @@ proptest! {
         }
     }
 
-    /// Positive semidefinite: solvable exactly if feasible, and Lemke's method tells, with a certificate.
+    /// Positive semidefinite: solvable exactly if feasible, and Lemke's method decides, with a certificate.
     #[test]
     fn positive_semidefinite(g in small_integers(2 * N), s in small_integers(N * N), q in small_integers(N)) {
         let lcp = Lcp::new(matrix(N, |i, j| {

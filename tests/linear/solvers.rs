@@ -186,7 +186,7 @@ fn hilbert_is_an_error_or_a_small_residual() {
 }
 
 #[test]
-fn growth_of_pivots_is_no_silent_wrong_answer() {
+fn growth_of_pivots_gives_no_silent_wrong_answer() {
     // Wilkinson's matrix: entries grow to 2^(n-1).
     for n in [45, 70] {
         let mut a = Matrix::zeros(Pattern::full(n, n));
@@ -285,7 +285,7 @@ fn blocked_elimination_meets_structural_singularity_and_nan() {
             assert!(matches!(e, LinearError::Singular { .. }), "{n}: {e}");
         }
     }
-    // By blocks the determinant is unknown, unless asked for.
+    // With blocked elimination the determinant is unknown, unless it is requested.
     let a = dense(300, &mut rng);
     assert_eq!(factored(SparseLu::new(), &a).unwrap().log_det(), None);
     assert!(

@@ -88,7 +88,7 @@ proptest! {
         let mut rng = Random::new(seed);
         let b = rng.square(n);
         let row: Vec<f64> = (0..n).map(|_| 10_f64.powi((12.0 * rng.symmetric()) as i32)).collect();
-        // Row k asks for −Σ |m_kj| z_j ≥ |q_k| > 0.
+        // Row k requires −Σ |m_kj| z_j ≥ |q_k| > 0.
         let k = seed as usize % n;
         let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| row[i] * if i == k { -b[i][j].abs() } else { b[i][j] }).collect()).collect();
         let q = (0..n).map(|i| row[i] * if i == k { -0.1 - rng.symmetric().abs() } else { rng.symmetric() }).collect();

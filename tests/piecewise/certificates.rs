@@ -257,7 +257,7 @@ mod traced {
     }
 
     #[test]
-    fn what_first_derivatives_cannot_tell_is_a_doubt() {
+    fn what_first_derivatives_cannot_decide_is_a_doubt() {
         let map = Traced::new(Tangent);
         let found = at_zero(&map, 10);
         assert!(

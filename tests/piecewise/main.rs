@@ -92,7 +92,7 @@ fn each_deliberate_error_is_found_and_named() {
 }
 
 #[test]
-fn findings_tell_where() {
+fn findings_contain_their_location() {
     let found = findings(Fault::JacobianSign);
     assert!(found.iter().all(|f| f.kind == FindingKind::Jacobian), "{found:?}");
     assert!(found.iter().all(|f| f.entry == Some((3, 4))));

@@ -555,7 +555,7 @@ proptest! {
     /// min(x, M x) at 0: BD-regular exactly if no principal minor vanishes, CD-regular, strongly regular and coherently oriented exactly
     /// if all are positive; the normal map, which changes columns, says the same.
     #[test]
-    fn p_matrices_are_told_in_all_ways(entries in proptest::collection::vec(-3..=3_i32, 9), shift in 0..=4_i32) {
+    fn p_matrices_are_recognised_in_all_ways(entries in proptest::collection::vec(-3..=3_i32, 9), shift in 0..=4_i32) {
         let m: Vec<Vec<f64>> = (0..3)
             .map(|i| (0..3).map(|j| f64::from(entries[3 * i + j] + if i == j { shift } else { 0 })).collect())
             .collect();
@@ -613,7 +613,7 @@ proptest! {
 /// Solvers with the option set report what the functions find at the point returned, and nothing if the option is not set or the problem is
 /// not solved.
 #[test]
-fn reports_tell_the_regularity_of_the_solution() {
+fn reports_contain_the_regularity_of_the_solution() {
     let wanted = RegularityOptions::default();
     let options = NewtonOptions::default().with_regularity(Some(wanted));
     // min(x, M x): 0 is the only solution, or one of many; det M = 11, 0 and −3.
@@ -671,7 +671,7 @@ fn reports_tell_the_regularity_of_the_solution() {
 }
 
 #[test]
-fn verdicts_on_solutions_are_told_in_words() {
+fn verdicts_on_solutions_are_printed_in_words() {
     let told = |m: [[f64; 2]; 2]| {
         let map = Min(m.iter().map(|row| row.to_vec()).collect());
         let wanted = RegularityOptions::default();

@@ -458,7 +458,7 @@ fn a_pattern_that_lacks_an_entry_is_refused_at_the_first_jacobian() {
 }
 
 #[test]
-fn entries_are_told_apart_beyond_one_window_of_labels() {
+fn entries_are_distinguished_beyond_one_window_of_labels() {
     /// Residual i couples x_i with x_{m − 1 − i}.
     struct Wide(usize, bool);
     impl NonsmoothFunction for Wide {

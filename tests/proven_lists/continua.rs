@@ -165,7 +165,7 @@ fn selections_of_triangular_problems_come_in_order() {
 /// F(z) = 0.01 − z + E z in [−1, 1]ⁿ with a small E ≥ 0: each of the 3ⁿ selections has its own solution, so that none can be ruled out, and
 /// as many are examined as are found.
 #[test]
-fn a_search_that_stops_says_how_far_it_came() {
+fn a_search_that_stops_reports_its_progress() {
     const N: usize = 4;
     let entry = |i: usize, j: usize| match i == j {
         true => -1.0,

@@ -37,7 +37,7 @@ fn list(map: &dyn PiecewiseSmooth, alpha: f64) -> SolutionSet {
     all_solutions(map, alpha, &EnumerationOptions::default()).unwrap()
 }
 
-/// The list at α = 0 if time runs out after this number of looks at the clock, and the number of looks.
+/// The list at α = 0 if time runs out after this number of checks of the clock, and the number of checks.
 fn cut_short(map: &dyn PiecewiseSmooth, most: usize) -> (SolutionSet, usize) {
     let looks = Cell::new(0);
     let stop = || {

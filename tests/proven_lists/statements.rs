@@ -134,7 +134,7 @@ impl ExactPieces for Signs {
     }
 }
 
-/// Where the search in exact arithmetic has to stop, nothing is claimed, at whichever look at the clock time runs out.
+/// Where the search in exact arithmetic has to stop, nothing is claimed, at whichever check of the clock time runs out.
 #[test]
 fn an_exact_search_that_stops_proves_nothing() {
     let map = signs(6);

@@ -419,7 +419,7 @@ fn two_lines_without_ends() {
     );
 }
 
-/// Each x_i is 0 or about 1. At whichever look at the clock time runs out, the list is a part of the one without a limit.
+/// Each x_i is 0 or about 1. At whichever check of the clock time runs out, the list is a part of the one without a limit.
 #[test]
 fn lists_that_are_cut_short_are_parts_of_the_whole() {
     let map = MinMap::new(5, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
