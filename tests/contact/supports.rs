@@ -302,7 +302,7 @@ fn what_does_not_belong_to_supports_is_refused() {
     assert!(system.supports().clone().plus(vec![0.0; 1]).is_err());
 }
 
-/// A coefficient of friction that varies within slips far below those of the problem, on which Newton's method stagnates: the observer is
+/// A coefficient of friction that varies within slips far below those of the problem, on which Newton's method cycles: the observer is
 /// called within each attempt (80 000 evaluations of the coefficient, at most 2 500 between two calls), and not again once it stops.
 #[test]
 fn observers_are_called_within_long_attempts() {

@@ -460,7 +460,7 @@ fn sweeps_are_those_of_gauss_and_seidel() {
     }
 }
 
-/// Where the terms of a contact are less than 1e-12 of the largest of all contacts, they are compared with the latter, whatever its place.
+/// The scale of a contact is at least 1e-12 of that of the largest contact, whatever its place.
 #[test]
 fn contacts_that_bear_next_to_nothing_count_little() {
     for (q, r) in [

@@ -227,7 +227,7 @@ fn only_affine_formulas_state_coefficients() {
         (Completeness::Complete, 1)
     );
     assert!((set.solutions[0].x[0] - 0.4).abs() < 1e-15 && set.solutions[0].x[1] == 0.5);
-    // At the kink x = 1 / (2 + α) α is rounded: no arms are claimed.
+    // At the kink, x = 1 / (2 + α), the parameter α is rounded: no arms are claimed.
     let arms = all_arms(
         &Traced::new(Formula::Slope),
         &[0.4, 0.5],
