@@ -167,7 +167,7 @@ fn quotients_are_exact() {
     assert!(arms.arms.iter().all(|a| a.tangent.len() == 3 && a.rate() > 0.0));
 }
 
-/// Formulas of one variable and α; only one of them has coefficients that the crate can state.
+/// Formulas of one variable and α; the crate can state the coefficients of `Affine`, and those of `Slope` at each α.
 #[derive(Clone, Copy)]
 enum Formula {
     Affine,
