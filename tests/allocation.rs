@@ -1,4 +1,4 @@
-//! Solvers of complementarity problems that are used again allocate nothing. One test, as the allocator is shared by all threads.
+//! A solver of complementarity problems that is reused allocates nothing. There is a single test, as all threads share the allocator.
 
 use std::alloc::System;
 
@@ -14,7 +14,7 @@ use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// Allocations and reallocations by `run`: the least number in three runs, as the main thread of the tests may allocate meanwhile.
+/// Allocations and reallocations by `run`: the least of three runs, as the main thread of the test harness may allocate meanwhile.
 fn allocations(mut run: impl FnMut()) -> usize {
     let count = |_| {
         let region = Region::new(ALLOCATOR);
@@ -125,7 +125,7 @@ fn inexact_newton_does_not_allocate<P: Preconditioner>(name: &str, preconditione
 
 #[test]
 fn reused_solvers_do_not_allocate() {
-    // The counter counts.
+    // The counter itself works.
     assert!(allocations(|| drop(std::hint::black_box(vec![1_u8; 100]))) > 0);
 
     for n in [1, 5, 20, 40] {
@@ -154,7 +154,7 @@ fn reused_solvers_do_not_allocate() {
             .with_block(84, Multigrid::algebraic())
     });
 
-    // Not even where other strategies are needed.
+    // The same where fallback strategies are needed.
     let problem = billups();
     let mut solver = McpSolver::default();
     let mut last = McpStrategy::Newton;

@@ -1,4 +1,4 @@
-//! Public types go from thread to thread: all are `Send + Sync`, but for the few named with their reasons. The tables are complete.
+//! Public types can be sent and shared between threads: all are `Send + Sync` except those listed with a reason. The tables are complete.
 
 use std::collections::BTreeSet;
 
@@ -56,7 +56,7 @@ fn shared<T: Send + Sync>() {}
 fn sent<T: Send>() {}
 fn error<T: std::error::Error + Clone + PartialEq + Send + Sync + 'static>() {}
 
-/// Names of the types, each of which is checked as it is compiled.
+/// Names of the types; compiling the expansion checks each of them.
 macro_rules! all_shared {
     ($($name:literal: $type:ty,)*) => {
         vec![$({
@@ -373,15 +373,15 @@ fn of_svg() -> Vec<&'static str> {
     }
 }
 
-/// Those that are not shared, and why.
+/// Types that are not `Send + Sync`, and why.
 const NOT_SHARED: [&str; 5] = [
-    // Sent, not shared: it steps through `&mut self` alone, and carries the caller's monitors.
+    // `Send`, not `Sync`: it advances through `&mut self` alone, and owns monitors of the caller.
     "continuation::Continuation",
-    // A closure of the caller's, which may borrow from the thread; the writers hold such columns and a writer of the caller's.
+    // Closures of the caller, which may borrow from the thread; the writers own such columns and a writer of the caller.
     "output::Column",
     "output::CsvWriter",
     "output::JsonLinesWriter",
-    // The record of one evaluation, lent to the function that is being traced.
+    // The record of one evaluation, borrowed by the function that is traced.
     "piecewise::Kinks",
 ];
 

@@ -1,4 +1,4 @@
-//! Gmsh files of both versions, text and binary of either byte order: one mesh, eight ways.
+//! Gmsh files of both versions, text and binary of either byte order: one mesh in eight formats.
 
 use semismooth::fem::{CellKind, FemError, Mesh, parse_gmsh};
 
@@ -52,7 +52,7 @@ impl Writer {
     }
 }
 
-/// Two squares side by side (the second one clockwise), the first edges at the foot named, a node that belongs to nothing.
+/// Two squares side by side (the second one clockwise), the first edges at the bottom named, a node that belongs to nothing.
 const POINTS: [[f64; 2]; 7] = [
     [0.0, 0.0],
     [1.0, 0.0],
@@ -219,7 +219,7 @@ fn volume([a, b, c, d]: [[f64; 3]; 4]) -> f64 {
         + u[2] * (v[0] * w[1] - v[1] * w[0])
 }
 
-/// Elements that the file gives inside out are turned: the same nodes, a positive Jacobian at the first one.
+/// Elements that are inside out in the file are reoriented: the same nodes, a positive Jacobian at the first one.
 #[test]
 fn elements_inside_out_are_turned() {
     let points = "1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 0 0 1\n6 1 0 1\n7 1 1 1\n8 0 1 1";

@@ -42,7 +42,7 @@ fn torsion(m: usize, load: f64) -> Lcp {
     Lcp::boxed(laplacian(m, 0.0), q.collect(), lower, upper).unwrap()
 }
 
-/// Passes everything on and keeps the start from coarser levels.
+/// Delegates to `inner` and records the start from coarser levels.
 struct Watched<R> {
     inner: R,
     start: Rc<RefCell<Option<Start>>>,
@@ -97,7 +97,7 @@ fn solve<R: ReducedSolver>(lcp: &Lcp, inner: R) -> Run {
     }
 }
 
-/// Far from the solution the levels of aggregation give a start; sets and solution are those of exact solves.
+/// Far from the solution the aggregation levels give a start; active sets and solution are those of exact solves.
 #[test]
 fn starts_from_aggregation_lead_to_the_solution_of_direct_solves() {
     for (m, auto) in [(50, false), (80, true)] {
@@ -122,7 +122,8 @@ fn starts_from_aggregation_lead_to_the_solution_of_direct_solves() {
             off.fold(0.0, f64::max)
         };
         assert!(largest(&other.z) < 1e-8, "{:e}", largest(&other.z));
-        // The start is a coarse picture of the solution, whose largest value is about 1/4: nine in ten sets are right already.
+        // The start approximates the solution, whose largest value is about 1/4, on a coarse level: nine in ten components have the right
+        // state.
         let start = other.start.unwrap();
         assert!(largest(&start.z) < 0.1, "{:e}", largest(&start.z));
         let wrong = start
@@ -135,7 +136,7 @@ fn starts_from_aggregation_lead_to_the_solution_of_direct_solves() {
     }
 }
 
-/// Without anything to coarsen there is no start, and the iterative route is one of plain relaxation.
+/// Where nothing can be coarsened there is no start, and the iterative route is plain relaxation.
 #[test]
 fn what_does_not_coarsen_has_no_start() {
     let n = 80;
@@ -151,8 +152,8 @@ fn what_does_not_coarsen_has_no_start() {
     assert!(z.iter().zip(&q).all(|(z, q)| (z - (-q).max(0.0)).abs() < 1e-12));
 }
 
-/// Conjugate gradients meet a direction of negative curvature; the direct solver takes over, and a Cholesky factorisation gives way
-/// to LU. Nothing is bounded, so that the solution is that of M z + q = 0.
+/// Conjugate gradients encounter a direction of negative curvature; the direct solver takes over, and a Cholesky factorisation is replaced
+/// by LU. No bound is active, so that the solution is that of M z + q = 0.
 #[test]
 fn indefinite_symmetric_matrices_are_solved_directly() {
     for m in [12, 72] {
@@ -175,7 +176,7 @@ fn indefinite_symmetric_matrices_are_solved_directly() {
     }
 }
 
-/// Of two membranes on their obstacles the one without load stays there, each component degenerate, while the other is lifted.
+/// Of two membranes on their obstacles the one without load stays there, with each component degenerate, while the other is lifted.
 #[test]
 fn a_membrane_at_rest_on_its_obstacle_stays_there() {
     let m = 24;

@@ -23,8 +23,8 @@ use semismooth::piecewise::{MinMap, RegularityOptions};
 use semismooth::sparse::Matrix;
 use serde_json::json;
 
-/// Defaults survive JSON, an empty file gives them, and names that do not exist are errors which name them. One format serves for all types,
-/// since each one more is compiled anew for each of them.
+/// Defaults survive JSON, an empty file gives them, and unknown names are errors that name them. One format serves for all types, since
+/// each further one is compiled again for each of them.
 fn check<T: Default + PartialEq + Debug + serde::Serialize + serde::de::DeserializeOwned>() {
     let default = T::default();
     let text = serde_json::to_string(&default).unwrap();
@@ -86,7 +86,7 @@ fn infinities_are_words() {
     assert!(wrong.to_string().contains("far"), "{wrong}");
 }
 
-/// What is written and read again is the same, to the last bit.
+/// A value is read back from its file to the last bit.
 fn same<T: PartialEq + Debug + serde::Serialize + serde::de::DeserializeOwned>(value: &T) {
     let text = serde_json::to_string(value).unwrap();
     assert_eq!(&serde_json::from_str::<T>(&text).unwrap(), value, "{text}");

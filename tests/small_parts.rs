@@ -1,4 +1,4 @@
-//! Accessors and options that no other test asks for.
+//! Accessors and options that no other test covers.
 
 use semismooth::complementarity::active_set::{
     ActiveSetOptions, ActiveSetSolver, AutoReduced, DirectReduced, GmresReduced, MultigridReduced,
@@ -31,7 +31,7 @@ fn complementarity() {
     assert!(!boxed.is_standard());
     let problem = Mcp::ncp(AffineFunction::new(m, vec![-2.0, 1.0]).unwrap()).unwrap();
     assert!(!problem.is_parametric());
-    // The diagonal belongs to it whatever F has.
+    // The diagonal is part of the pattern whatever F has.
     assert!((0..2).all(|i| problem.jacobian_pattern().slot(i, i).is_some()));
     for equilibrate in [true, false] {
         let mut solver = McpSolver::new(McpOptions::default().with_equilibrate(equilibrate));
@@ -81,7 +81,7 @@ fn products_with_transposes() {
     assert_eq!(y, [3.0, 65.0, -19.0]);
 }
 
-/// Minimise ½ Σ (i + 1) xᵢ² − Σ xᵢ where Σ xᵢ ≥ s, with or without the places of entries told.
+/// Minimise ½ Σ (i + 1) xᵢ² − Σ xᵢ where Σ xᵢ ≥ s, with or without a declared pattern.
 #[derive(Clone)]
 struct Separable {
     n: usize,
@@ -120,7 +120,7 @@ impl Program for Separable {
 }
 
 #[test]
-fn a_program_may_tell_where_its_entries_are() {
+fn a_program_may_declare_its_pattern() {
     let (n, sum) = (6, 4.0);
     let solve = |tells: bool| {
         let program = Separable { n, sum, tells };
@@ -150,7 +150,7 @@ fn a_program_may_tell_where_its_entries_are() {
     }
 }
 
-/// A reduced solver that says it is direct solves to rounding however loose the tolerance; the others keep to it.
+/// A reduced solver that declares itself direct solves to rounding however loose the tolerance; the others keep to it.
 #[test]
 fn direct_solvers_ignore_tolerances() {
     let n = 40;
@@ -217,9 +217,9 @@ fn a_law_replaced_in_place() {
     assert_eq!(after, slips(&CondensedContact::new(body(), strong).unwrap()));
 }
 
-/// Only where the bound of friction is F times the pressure is there a Delassus problem.
+/// A law has a Delassus form only if its friction bound is F times the pressure.
 #[test]
-fn laws_that_are_coulombs() {
+fn laws_with_a_delassus_form() {
     assert!(PlanarCoulomb::new(coulomb(0.3)).is_coulomb());
     assert!(OrthotropicCoulomb::isotropic(coulomb(0.3)).is_coulomb());
     // With F = 0.
@@ -286,7 +286,7 @@ fn sizes_of_an_interface() {
     let law = MinMap::curve(4, |_: &[f64], _: &mut [f64], _: &mut [f64]| {});
     let load = LoadPath::constant(vec![1.0; 3]);
     let make = |law| InterfaceProblem::from_parts(Matrix::identity(3), &b.clone(), load.clone(), law);
-    // A law of four residuals is none for two traces.
+    // A law of four residuals does not fit two traces.
     assert!(make(law).is_err());
     let fitting = Law;
     let problem = InterfaceProblem::from_parts(Matrix::identity(3), &b, load, fitting).unwrap();
@@ -346,7 +346,7 @@ fn a_run_can_be_printed() {
     );
 }
 
-/// Every option by its builder: those that reject say so by name.
+/// Every option by its builder: builders that reject a value name the option.
 #[test]
 fn builders_reach_the_options_they_name() {
     type Set = fn(ContinuationOptions) -> ContinuationOptions;
@@ -368,7 +368,7 @@ fn builders_reach_the_options_they_name() {
     assert!(armijo.unwrap_err().to_string().contains("armijo"));
     let damping = NewtonOptions::default().with_min_damping(0.0).validate();
     assert!(damping.unwrap_err().to_string().contains("min_damping"));
-    // A solver of LCPs takes its states from outside, too.
+    // A solver of LCPs accepts given states, too.
     let lcp = Lcp::new(Matrix::identity(2), vec![-1.0, 1.0]).unwrap();
     let states = [semismooth::complementarity::BoundState::Interior; 2];
     let mut z = [0.0; 2];
@@ -412,9 +412,9 @@ fn unstable_edges_are_dashed() {
     assert_eq!([line(true), line(false)], [2, 0]);
 }
 
-/// What is asked to stop stops before the next run.
+/// A search that is asked to stop does so before the next run.
 #[test]
-fn searches_end_when_asked() {
+fn searches_end_on_request() {
     use semismooth::continuation::search_solutions_observed;
     use std::ops::ControlFlow;
     use std::time::Duration;
@@ -455,7 +455,7 @@ fn limits_hold_where_nothing_can_be_evaluated() {
     assert!(shrink.unwrap_err().to_string().contains("shrink"));
 }
 
-/// A file is replaced in one move: an attempt that fails leaves it as it was, one that succeeds leaves nothing beside it.
+/// A file is replaced atomically: a failed attempt leaves it as it was, a successful one leaves nothing beside it.
 #[test]
 fn files_are_replaced_whole() {
     use semismooth::sparse::{read_matrix_market, write_matrix_market};
@@ -467,7 +467,7 @@ fn files_are_replaced_whole() {
         assert_eq!(read_matrix_market(&path).unwrap(), Matrix::identity(n));
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
     }
-    // The place of the part is taken: nothing can be written.
+    // The path of the temporary file is taken: nothing can be written.
     std::fs::create_dir(folder.join("a.part.mtx")).unwrap();
     write_matrix_market(&path, &Matrix::identity(5)).unwrap_err();
     assert_eq!(read_matrix_market(&path).unwrap(), Matrix::identity(2));
@@ -488,9 +488,9 @@ fn files_are_replaced_whole() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// Long runs of sweeps are told of in parts, and cut.
+/// Long runs of sweeps are reported in parts, and limited.
 #[test]
-fn sweeps_are_told_and_limited() {
+fn sweeps_are_reported_and_limited() {
     // No solution: two contacts that press on each other as much as on the ground, so that forces grow with each sweep.
     let m = [
         [1.0, 0.0, -1.0, 0.0],
@@ -501,7 +501,7 @@ fn sweeps_are_told_and_limited() {
     let m = Matrix::from_rows(&m).unwrap();
     let problem = DelassusProblem::new(2, m, vec![-1.0, 0.0, -1.0, 0.0], vec![0.3; 2]).unwrap();
     let report = DelassusSolver::default().solve(&problem).unwrap();
-    // No phase uses up what the later ones need: all of them were tried.
+    // No phase uses up the budget of the later ones: all of them were tried.
     assert_eq!(report.status, DelassusStatus::Stalled);
     let sweeps = |report: &semismooth::contact::DelassusReport| {
         let parts = report.history.iter().filter(|h| h.phase == DelassusPhase::Sweeps);
@@ -516,7 +516,7 @@ fn sweeps_are_told_and_limited() {
     assert!(all > 10_000 && fewer == 5 * 7, "{all} {fewer}");
 }
 
-/// What is printed for people is words, not the names of variants.
+/// Text printed for people consists of words, not of names of variants.
 mod words {
     use semismooth::complementarity::active_set::ActiveSetSolver;
     use semismooth::complementarity::{Lcp, Mcp, McpSolver, strong_regularity};

@@ -11,7 +11,7 @@ use semismooth::piecewise::MinMap;
 use semismooth::sparse::Matrix;
 use semismooth::sweep::sweep;
 
-/// A tridiagonal LCP from a start of its own: the bits of the solution.
+/// A tridiagonal LCP from its own start: the bits of the solution.
 fn solve(start: &f64) -> Vec<u64> {
     const N: usize = 12;
     let entries = (0..N).flat_map(|i| {
@@ -55,7 +55,7 @@ fn sweeps_are_single_runs() {
     assert_eq!(sweep(&starts, solve), alone);
     let curves: Vec<_> = starts.iter().map(follow).collect();
     assert_eq!(sweep(&starts, follow), curves);
-    // Twice the same bits.
+    // Equal runs give the same bits.
     assert_eq!(sweep(&starts, follow), curves);
     assert!(sweep(&[] as &[f64], solve).is_empty());
 }
@@ -74,7 +74,7 @@ fn the_number_of_threads_changes_nothing() {
     }
 }
 
-/// Member `member` of `members`: the inputs whose results are not there yet, a file each, whole or not there.
+/// Member `member` of `members`: computes the inputs without results; each result is a file, written completely or not at all.
 fn run_member(folder: &Path, inputs: &[f64], member: usize, members: usize) -> std::io::Result<()> {
     let file = |k: usize| folder.join(format!("{k}.txt"));
     let missing = (member..inputs.len())
@@ -96,7 +96,7 @@ fn run_member(folder: &Path, inputs: &[f64], member: usize, members: usize) -> s
 /// x + 10 (x − 1)₊ = load.
 fn solved(load: f64) -> Result<f64, NewtonError> {
     let map = MinMap::new(1, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
-        // The member that is to be killed goes no further.
+        // The member to be killed waits here.
         if load == STUCK && std::env::var_os("SEMISMOOTH_TEST_STUCK").is_some() {
             std::thread::sleep(Duration::from_secs(600));
         }
@@ -112,7 +112,7 @@ fn solved(load: f64) -> Result<f64, NewtonError> {
 const STUCK: f64 = 7.0;
 const MEMBERS: usize = 3;
 
-/// Not a test by itself: what a member of the job array below does.
+/// Not a test by itself: the work of one member of the job array below.
 #[test]
 fn member_of_a_job_array() -> std::io::Result<()> {
     let Ok(member) = std::env::var("SEMISMOOTH_TEST_MEMBER") else {
@@ -126,7 +126,7 @@ fn loads() -> Vec<f64> {
     (0..20).map(f64::from).collect()
 }
 
-/// The recipe of the guide: a member is killed, and the same array started again fills in what is missing and nothing else.
+/// The recipe of the guide: a member is killed, and the same array, started again, computes what is missing and nothing else.
 #[test]
 fn a_job_array_started_again_fills_in_what_is_missing() {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("job_array");
@@ -146,7 +146,7 @@ fn a_job_array_started_again_fills_in_what_is_missing() {
     };
     let has = |k: usize| folder.join(format!("{k}.txt")).exists();
     let mut members: Vec<_> = (0..MEMBERS).map(|m| start(m, true)).collect();
-    // 7 is an input of member 1, who waits there; the others end.
+    // Input 7 belongs to member 1, which waits there; the others end.
     for m in [0, 2] {
         assert!(members[m].wait().unwrap().success());
     }

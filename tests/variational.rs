@@ -1,4 +1,4 @@
-//! Variational inequalities over polyhedra: projections, certificates, solutions against their definitions.
+//! Variational inequalities over polyhedra: projections, certificates, solutions checked by definition.
 
 #[path = "common/random.rs"]
 mod random;
@@ -26,7 +26,7 @@ fn matrix(rows: &[Vec<f64>], n: usize) -> Matrix {
     }
 }
 
-/// Data of a polyhedron, kept beside it to check what it says.
+/// Data of a polyhedron, kept to check its claims.
 #[derive(Debug, Clone)]
 struct Data {
     a: Vec<Vec<f64>>,
@@ -82,7 +82,7 @@ impl Data {
     }
 }
 
-/// All solutions of an affine problem, proven to be so.
+/// All solutions of an affine problem, proven complete.
 fn complete_list(f: AffineFunction, set: Polyhedron) -> ViSolutions {
     let list = Vi::new(f, set)
         .unwrap()
@@ -96,7 +96,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Small whole numbers, so that constraints often depend on each other and vertices are degenerate.
+/// Small integers, so that constraints are often linearly dependent and vertices degenerate.
 fn polyhedra(n: usize) -> impl Strategy<Value = Data> {
     let entry = || (-2..=2_i8).prop_map(f64::from);
     let rows = move |most: usize| prop::collection::vec(prop::collection::vec(entry(), n), 0..=most);
@@ -215,9 +215,9 @@ fn unbounded_programs_are_refuted_by_a_ray() {
     assert!(-v[0] - 2.0 * v[1] < 0.0 && ray.value < 0.0 && ray.radius > 1e10);
 }
 
-/// With equations, bounds and F(x) = M x + q that varies along the set, each sentence of the definition of a ray holds.
+/// With equations, bounds and F(x) = M x + q that varies along the set, each property in the definition of a ray holds.
 #[test]
-fn rays_prove_what_they_say() {
+fn rays_satisfy_their_definition() {
     let q = [-9.0, 1.0, 0.5, -9.0, 0.0];
     let rows = vec![vec![1.0, 1.0, -1.0, 0.0, 0.0], vec![0.0, 1.0, 0.0, -1.0, 0.0]];
     let (zero, twice) = (vec![0.0; 5], rows[1].iter().map(|v| 2.0 * v).collect());
@@ -312,10 +312,10 @@ fn empty_sets_are_proven_empty() {
     assert!(matches!(zero.project(&[0.0]).unwrap(), Projection::Empty(_)));
 }
 
-/// 3 x₁ − 2 x₂ ≤ −2, x₂ − 3 x₃ ≤ 3 and twice the first less the second from below: a strip of width δ is solved on, one of width −δ is
-/// empty, from near and from far, for small and for large F; exact arithmetic tells both.
+/// 3 x₁ − 2 x₂ ≤ −2, x₂ − 3 x₃ ≤ 3 and twice the sum of these rows bounded from below: on a strip of width δ there is a solution, one of
+/// width −δ is empty, from near and far starts, for small and large F; exact arithmetic decides both.
 #[test]
-fn sets_empty_by_little_are_never_solved_on() {
+fn nearly_feasible_empty_sets_have_no_solution() {
     let rows = [vec![3.0, -2.0, 0.0], vec![0.0, 1.0, -3.0], vec![-6.0, 2.0, 6.0]];
     for exponent in 24..=38 {
         for (sign, far, size) in [-1.0, 1.0]
@@ -475,7 +475,7 @@ fn zeros_of_the_normal_map_solve_the_problem() {
     assert!(x.iter().zip(&y).all(|(a, b)| (a - b).abs() < 1e-12));
 }
 
-/// −x₂ = 0 among rows that are stored in full: at x₂ = 0 all terms of the row vanish, which is no sign of an F that has become flat.
+/// −x₂ = 0 among rows that are stored in full: at x₂ = 0 all terms of the row vanish, which does not mean that F has become flat.
 #[test]
 fn an_equation_of_one_unknown_is_solved() {
     let rows = [
@@ -501,7 +501,7 @@ fn an_equation_of_one_unknown_is_solved() {
     }
 }
 
-/// F = 1 − 2x on x ≥ 0, s x ≤ s: a solution at either end and one between, in whichever units the row is written.
+/// F = 1 − 2x on x ≥ 0, s x ≤ s: a solution at either end and one between, whatever the unit of the row.
 #[test]
 fn units_of_rows_merge_no_solutions() {
     for s in [1.0, 1e-6, 1e-9, 1e-12, 1e9] {
@@ -533,7 +533,7 @@ fn units_of_rows_hide_no_continua() {
     }
 }
 
-/// F = 1 on x ≥ 0, −s x ≤ 0: the bound and the row hold the solution 0 together, and their multipliers are not unique.
+/// F = 1 on x ≥ 0, −s x ≤ 0: bound and row are both active at the solution 0, and their multipliers are not unique.
 #[test]
 fn units_of_rows_move_no_multipliers() {
     for (t, s) in [(1.0, 1.0), (5e11, 4096.0), (5e11, 1e-12), (1e-12, 5e11)] {
@@ -551,8 +551,8 @@ fn units_of_rows_move_no_multipliers() {
     }
 }
 
-/// F = x on 3 x₂ + 2 x₃ = −2, (3 − δ) x₂ + 2 x₃ = −2, x₃ ≥ −1: the nearly parallel equations leave (0, 0, −1) alone, where the inequality makes
-/// the multipliers a ray. For δ = 0 the solution is the point of the plane nearest to 0.
+/// F = x on 3 x₂ + 2 x₃ = −2, (3 − δ) x₂ + 2 x₃ = −2, x₃ ≥ −1: the nearly parallel equations leave (0, 0, −1) alone, where the inequality
+/// makes the multipliers a ray. For δ = 0 the solution is the point of the plane nearest to 0.
 #[test]
 fn nearly_parallel_rows_let_no_solution_move() {
     for delta in [1.0, 1e-6, 2_f64.powi(-44), 0.0] {
@@ -580,8 +580,8 @@ fn nearly_parallel_rows_let_no_solution_move() {
     }
 }
 
-/// The equations and x₃ ≥ 2 ask for x₂ ≤ −23/3, and with the inequality, which is nearly one of them, for δ x₂ ≥ 0: there is no point, and
-/// what violates the constraints by more than rounding is not called one.
+/// The equations and x₃ ≥ 2 imply x₂ ≤ −23/3, and with the inequality, which nearly depends on them, δ x₂ ≥ 0: the set is empty, and a
+/// point that violates the constraints by more than rounding is not reported as the nearest one.
 #[test]
 fn points_that_violate_a_nearly_dependent_row_are_not_the_nearest() {
     for k in 1..60 {
@@ -608,8 +608,8 @@ fn points_that_violate_a_nearly_dependent_row_are_not_the_nearest() {
     }
 }
 
-/// A piecewise linear path is a whole solve, without a factorisation of Newton's method, beyond the size up to which curved ones are
-/// followed: where F is strongly monotone it ends at the solution that all strategies find.
+/// A piecewise linear path solves the problem by itself, without a factorisation of Newton's method, beyond the size up to which curved
+/// paths are followed: where F is strongly monotone it ends at the solution that all strategies find.
 #[test]
 fn one_path_solves_a_large_affine_problem() {
     let (n, m) = (240, 120);

@@ -1,4 +1,4 @@
-//! Files for ParaView, read back by a strict reader of our own.
+//! Files for ParaView, read back by a strict reader written for these tests.
 
 use std::collections::BTreeMap;
 
@@ -34,7 +34,7 @@ impl Element {
         found[0]
     }
 
-    /// The bytes behind their number.
+    /// The bytes after their length prefix.
     fn bytes(&self, kind: &str) -> Vec<u8> {
         assert_eq!(self.attributes["type"], kind);
         assert_eq!(self.attributes["format"], "binary");
@@ -258,7 +258,7 @@ fn series() {
         write_pvd(&path, &[(f64::NAN, "a.vtu")]),
         Err(OutputError::Time { index: 0, .. })
     ));
-    // A series that is refused leaves the old one alone.
+    // A series that is refused leaves the old one unchanged.
     let again = parse(&std::fs::read_to_string(&path).unwrap());
     assert_eq!(again.child("Collection").children.len(), 2);
 }

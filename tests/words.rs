@@ -1,4 +1,4 @@
-//! What types say of themselves: words that are read back, and lines for people.
+//! The text forms of types: words that are read back, and lines for people.
 
 use std::fmt::{Debug, Display};
 use std::ops::ControlFlow;
@@ -20,7 +20,7 @@ use semismooth::piecewise::check::{CheckOptions, check};
 use semismooth::piecewise::{MinMap, PiecewiseSmooth};
 use semismooth::sparse::Matrix;
 
-/// Each value is read from what it is written as, and words of none are refused with the list of all.
+/// Each value is read back from its text, and unknown words are refused with the list of known ones.
 fn read_back<T: Display + FromStr<Err = UnknownName> + PartialEq + Debug>(values: &[T]) {
     let words: Vec<String> = values.iter().map(T::to_string).collect();
     for (value, word) in values.iter().zip(&words) {
@@ -247,7 +247,7 @@ fn components_have_the_names_of_their_blocks() {
     let names: Vec<String> = (0..3).map(|i| problem.site_name(i).into_owned()).collect();
     assert_eq!(names, ["flow[0]", "flow[1]", "time"]);
     assert_eq!(variables.name(3), None);
-    // With a parameter behind them, too.
+    // With a parameter after them, too.
     let x = variables.view(&[1.0, 2.0, 3.0, 9.0]).unwrap();
     assert_eq!(x.block("time"), Ok(&[3.0][..]));
 }

@@ -32,7 +32,7 @@ fn times(c: f64) -> impl McpFunction + Clone {
     )
 }
 
-/// A function that says what it likes of its shape.
+/// A function with arbitrary claims about its shape.
 #[derive(Clone)]
 pub(crate) struct Shape {
     pub(crate) vars: usize,
@@ -57,9 +57,9 @@ impl McpFunction for Shape {
     }
 }
 
-/// The default pattern, 640 GB here, is not made where another one is given.
+/// The default pattern, 640 GB here, is not built where another one is given.
 #[test]
-fn patterns_of_differences_are_made_when_asked_for() {
+fn patterns_of_differences_are_built_on_demand() {
     let n = 200_000;
     let f = Differenced::new(n, |x: &[f64], out: &mut [f64]| out.copy_from_slice(x));
     assert_eq!(f.num_colors(), n);
@@ -505,7 +505,7 @@ fn solvers(t: &mut Table) {
             solver.solve(&shifted, &mut [0.5; 2]).map(drop)
         },
     );
-    // Whatever the values, an answer in bounded time; one that claims to be solved has a residual to show.
+    // Whatever the values, the solver ends in bounded time; if it reports a solution, the residual is small.
     for c in [0.0, -1.0, 1e-300, 1e160, 1e300, f64::MAX, f64::NAN, INF, -INF] {
         for (lower, upper) in [(0.0, INF), (-INF, INF), (0.0, 1.0), (1.0, 1.0), (-1e300, 1e300)] {
             t.holds(
@@ -718,7 +718,7 @@ fn solvers(t: &mut Table) {
         "",
         || MultigridReduced::with_prolongations(vec![Arc::new(other())]).load(&definite()),
     );
-    // Reduced solvers are public: called out of order, with parts that do not fit.
+    // Reduced solvers are public: here they are called out of order, with arguments that do not fit.
     type Make = fn() -> Box<dyn ReducedSolver>;
     let reduced: [(&str, Make); 4] = [
         ("AutoReduced", || Box::new(AutoReduced::new())),

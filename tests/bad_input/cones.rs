@@ -137,7 +137,7 @@ fn points(t: &mut Table) {
     }
 }
 
-/// F and Jacobians that are no numbers at the start, on each kind of cone.
+/// F and Jacobians that are NaN or infinite at the start, on each kind of cone.
 fn functions(t: &mut Table) {
     let solve = "cones::ConeSolver::solve";
     let kinds = [

@@ -287,7 +287,7 @@ fn curves() {
     t.refuses("continuation::certify", "a load of another shape", "load", || {
         certify(&map, &ON, &rows(&[&[1.0], &[1.0]]), &o())
     });
-    // Equations, empty maps and two parameters are no curves.
+    // Square systems, empty maps and maps with two parameters define no curve.
     t.refuses("continuation::Branch::follow", "an equation", "variable", || {
         Branch::follow(&square(1), &[0.0], Direction::Increasing, o())
     });
@@ -318,7 +318,7 @@ fn curves() {
         );
     }
 
-    // Starts far off, limits out of proportion.
+    // Starts far off the curve, extreme limits.
     for huge in [1e160, 1e300, f64::MAX] {
         t.survives("continuation::Branch::follow", "a huge start", || {
             follow(&[huge, huge], Direction::Increasing)

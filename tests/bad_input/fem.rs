@@ -138,7 +138,7 @@ fn meshes(t: &mut Table) {
         "",
         || Mesh::block([0.0; 3], [1.0; 3], [1 << 25; 3]),
     );
-    // Each of these would take some hundred GB.
+    // Each of these would take several hundred GB.
     t.refuses("fem::Mesh::rectangle", "too many cells", "[40000, 40000]", || {
         Mesh::rectangle([0.0; 2], [1.0; 2], [40_000, 40_000])
     });
@@ -487,7 +487,7 @@ fn bodies(t: &mut Table) {
     }
 }
 
-/// Triangles of one entity, in MSH 4.1, that is in many physical groups.
+/// Triangles of one entity, in MSH 4.1, that belongs to many physical groups.
 fn in_groups(groups: usize, elements: usize) -> String {
     let tags: String = (1..=groups).map(|k| format!(" {k}")).collect();
     let triangles: String = (1..=elements).map(|k| format!("{k} 1 2 3\n")).collect();
@@ -511,7 +511,7 @@ fn readers(t: &mut Table) {
         mesh.is_ok_and(|m| m.cell_group("physical 2000").is_ok_and(|cells| cells == [0]))
     });
     let path = Path::new("given.msh");
-    // Where sections are missing, no line can be named.
+    // Where a section is missing, there is no line to report.
     let file = |input: &str| match input {
         "nothing" | "no text" | "no nodes" => "the file",
         _ => "given.msh",

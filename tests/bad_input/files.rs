@@ -1,4 +1,4 @@
-//! Data that go through files: they come back as they were, and what a file was changed to is checked as what a program makes.
+//! Data that go through files: they are read back unchanged, and edited files are checked like values made by a program.
 #![cfg(feature = "serde")]
 
 use std::fmt::Debug;
@@ -11,14 +11,14 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-/// What JSON makes of a value is read as the same value.
+/// A value is read back from its JSON unchanged.
 fn round_trip<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: &T) -> Value {
     let text = serde_json::to_string(value).unwrap();
     assert_eq!(&serde_json::from_str::<T>(&text).unwrap(), value, "{text}");
     serde_json::from_str(&text).unwrap()
 }
 
-/// The file with another value at one place is refused in these words.
+/// The file with another value at one place is refused with a message that contains these words.
 fn refuses<T: DeserializeOwned + Debug>(file: &Value, place: &str, value: Value, words: &str) {
     let mut file = file.clone();
     *file.pointer_mut(place).expect(place) = value;

@@ -1,4 +1,4 @@
-//! Bad input: each is refused by an error that names it, none panics, and no public function that can refuse is left out.
+//! Bad input: each case is refused by an error that names it, none panics, and every public function that returns a `Result` is covered.
 
 #[path = "../maps/mod.rs"]
 mod maps;

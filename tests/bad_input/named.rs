@@ -1,4 +1,4 @@
-//! Each is refused by the variant of the error that names it.
+//! Each bad input is refused by the variant of the error that names it.
 
 use semismooth::contact::{
     ContactBody, ContactError, ContactState, FrictionCoefficient, FullContact, HildRenard, LoadPath,
@@ -142,7 +142,7 @@ fn first_points() {
     let none = OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.0).unwrap());
     let space = FullContact::new(body.unwrap(), none).unwrap();
     refused!(space.solve(0.0, None) => ContactError::NoFriction { node: 0, .. });
-    // A body that can move freely under a load that pulls it off has no equilibrium.
+    // A body that can move freely under a load that pulls it away has no equilibrium.
     let free = FullContact::planar(
         rows(&[&[0.0, 0.0], &[0.0, 0.0]]),
         rows(&[&[1.0, 0.0]]),
@@ -229,7 +229,7 @@ fn continuation_starts() {
             along(&arm(vec![bad, 1.0], 1)) => ContinuationError::Map(PiecewiseError::NotFinite { .. }),
         }
     }
-    // An equation is no curve, and a curve behind a wall has no start.
+    // A square system defines no curve, and a point behind a wall is no start.
     let square = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
         a[0] = x[0];
         b[0] = 1.0;

@@ -25,7 +25,7 @@ impl Semismooth for NoRoot {
     }
 }
 
-/// 2 x = s in one unknown, with what may go wrong.
+/// 2 x = s in one unknown, with a wrong order or an error on request.
 struct Line {
     s: f64,
     order: usize,
@@ -227,7 +227,7 @@ fn correctors() {
             || newton.solve_semismooth(&NoRoot(bad), &mut [1.0]),
         );
     }
-    // A failed solve hands back its best iterate and what it did.
+    // A failed solve returns its best iterate and its history.
     for size in [1e-300, 1.0, 1e150, 1e300] {
         for damping in [Damping::OnTrouble, Damping::Always, Damping::Never] {
             t.holds(

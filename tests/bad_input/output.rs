@@ -11,7 +11,7 @@ use semismooth::piecewise::MinMap;
 use super::piecewise::vee;
 use super::table::{BAD, Table};
 
-/// A disc that is full.
+/// A disk that is full.
 struct Full;
 impl Write for Full {
     fn write(&mut self, _: &[u8]) -> io::Result<usize> {

@@ -11,7 +11,7 @@ use semismooth::sparse::{Matrix, Pattern};
 
 use super::table::{BAD, NOT_POSITIVE, Table, rows};
 
-/// x = 0 in two unknowns, with a pattern of another order, an entry elsewhere, or one that is no number.
+/// x = 0 in two unknowns, with a pattern of another order, an entry in another row, or a value that is NaN or infinite.
 struct WrongJacobian {
     order: usize,
     row: usize,
@@ -48,7 +48,7 @@ pub(crate) fn square(n: usize) -> impl PiecewiseSmooth + Clone {
     })
 }
 
-/// A map whose residual is no number, or too large for one.
+/// A map whose residual is NaN, infinite, or overflows.
 pub(crate) fn no_numbers(value: f64) -> impl PiecewiseSmooth + Clone {
     MinMap::curve(1, move |_: &[f64], a: &mut [f64], b: &mut [f64]| {
         a[0] = value;
@@ -56,7 +56,7 @@ pub(crate) fn no_numbers(value: f64) -> impl PiecewiseSmooth + Clone {
     })
 }
 
-/// The functions about generalised derivatives at a point, where they are given no sense.
+/// The functions about generalised derivatives at a point, on arguments without meaning.
 fn notions(t: &mut Table) {
     let (curve, equation) = (vee(), square(2));
     type Verdict = fn(&dyn PiecewiseSmooth, &[f64], f64, u64) -> Result<Regularity, PiecewiseError>;
@@ -232,7 +232,7 @@ fn notions(t: &mut Table) {
     }
 }
 
-/// A map that is 0, with one element of the B-subdifferential.
+/// The zero map, with one element of the B-subdifferential.
 struct Listed(Matrix);
 impl Semismooth for Listed {
     fn num_vars(&self) -> usize {
@@ -247,7 +247,7 @@ impl Semismooth for Listed {
     }
 }
 
-/// Right in its first column alone.
+/// A derivative that is right in its first column only.
 fn fine() -> WrongJacobian {
     WrongJacobian {
         order: 2,
@@ -467,7 +467,7 @@ fn piecewise_maps() {
         });
     }
 
-    // What reads selections never fails.
+    // Functions that only read selections never fail.
     t.survives("piecewise::Selection::piece", "any site", || {
         Selection::uniform(1, 0).piece(usize::MAX)
     });

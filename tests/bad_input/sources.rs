@@ -1,4 +1,4 @@
-//! Errors that come from the system or from another library hand on the original.
+//! Errors that come from the operating system or from another library keep the original as their source.
 #![cfg(feature = "json")]
 
 use std::error::Error;
@@ -46,7 +46,7 @@ fn files_that_are_missing_come_with_the_error_of_the_system() {
 }
 
 #[test]
-fn a_full_disc_is_told_by_its_kind() {
+fn a_full_disk_is_recognised_by_its_kind() {
     struct Full;
     impl io::Write for Full {
         fn write(&mut self, _: &[u8]) -> io::Result<usize> {
@@ -125,7 +125,7 @@ impl LinearSolver for Foreign {
 }
 
 #[test]
-fn solvers_of_the_user_hand_on_errors_of_their_own() {
+fn solvers_of_the_user_pass_on_their_own_errors() {
     let e = Foreign.factor(Matrix::identity(1).as_ref()).unwrap_err();
     assert!(along::<std::num::ParseFloatError>(&e).is_some(), "{e}");
 }

@@ -40,7 +40,7 @@ fn sparse_matrices() {
         "usize::MAX rows are not full",
         || Pattern::from_entries(MAX, 2, []).is_ok_and(|p| !p.is_full()),
     );
-    // The first row alone promises 80 GB.
+    // The first row alone announces 80 GB.
     let mut ragged = vec![vec![]; 100_000];
     ragged[0] = vec![0.0; 100_000];
     t.refuses("sparse::Matrix::from_rows", "rows of two lengths", "row", || {
@@ -143,7 +143,7 @@ fn sparse_matrices() {
         a.is_ok_and(|a| a.get(0, 0) == 1.0 && a.get(1, 0) == 0.0)
     });
 
-    // Read-outs and products of any length.
+    // Entries and products with arguments of any length.
     for n in [0, 1, 3] {
         t.survives("sparse::Matrix::mul_vec", "x of another length", || {
             a().mul_vec(&vec![1.0; n], &mut [0.0; 2]);

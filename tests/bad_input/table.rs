@@ -1,4 +1,4 @@
-//! What is tried on the functions of a module, and whether all of them are tried.
+//! Records which functions of a module are tried with bad input, and checks that all of them are.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -8,10 +8,10 @@ use std::sync::Once;
 
 use semismooth::sparse::Matrix;
 
-/// No numbers.
+/// Not finite.
 pub(crate) const BAD: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 
-/// Finite, but of no use where a positive number is asked for.
+/// Finite, but invalid where a positive number is required.
 pub(crate) const NOT_POSITIVE: [f64; 2] = [0.0, -1.0];
 
 pub(crate) fn rows(rows: &[&[f64]]) -> Matrix {
@@ -22,7 +22,7 @@ thread_local! {
     static PANIC: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// The panic of a call, with its place; printed once, by the table. Compiled once for all calls.
+/// The panic of a call, with its location; printed once, by the table. Not generic, so that it is compiled once for all calls.
 fn panic_of(call: &mut dyn FnMut()) -> Option<String> {
     static QUIET: Once = Once::new();
     QUIET.call_once(|| {
@@ -61,8 +61,7 @@ impl Table {
         }
     }
 
-    /// The call is refused, with a message that contains `names`. There are hundreds of calls: what is compiled for each does no more
-    /// than to forget its types.
+    /// The call is refused, with a message that contains `names`. There are hundreds of calls: the generic part only erases their types.
     pub(crate) fn refuses<T, E: Error + Send + Sync + 'static>(
         &mut self,
         entry: &'static str,
@@ -96,7 +95,7 @@ impl Table {
         self.failures.push(format!("{entry} of {input}: {failure}"));
     }
 
-    /// The call returns, with whatever result.
+    /// The call returns, whatever its result.
     pub(crate) fn survives<T>(&mut self, entry: &'static str, input: &str, call: impl FnOnce() -> T) {
         let mut call = Some(call);
         self.survived(entry, input, &mut || {
@@ -113,7 +112,7 @@ impl Table {
         }
     }
 
-    /// An outcome that is not an error but must be as described.
+    /// The call succeeds, and its outcome is as described.
     pub(crate) fn holds(&mut self, entry: &'static str, claim: &str, call: impl FnOnce() -> bool) {
         let mut call = Some(call);
         self.held(entry, claim, &mut || call.take().is_some_and(|call| call()));
@@ -131,7 +130,7 @@ impl Table {
         }
     }
 
-    /// Functions whose input cannot be bad, or is judged elsewhere.
+    /// Functions whose input cannot be bad, or that are tested elsewhere.
     pub(crate) fn exempt(&mut self, entries: &[&'static str], _reason: &str) {
         self.entries.extend(entries);
     }
@@ -163,7 +162,7 @@ fn fallible(module: &str) -> BTreeSet<&'static str> {
         .collect()
 }
 
-/// The check of completeness is one.
+/// The check of completeness itself works.
 #[test]
 fn functions_are_found() {
     let found = fallible("sparse");

@@ -22,7 +22,7 @@ fn affine(n: usize) -> AffineFunction {
     AffineFunction::new(Matrix::identity(n), vec![-2.0; n]).unwrap()
 }
 
-/// x³ − 2 in each component, or a value that is none of its.
+/// x³ − 2 in each component; `spoilt` replaces the first value.
 fn curved(spoilt: Option<f64>) -> impl McpFunction {
     WithJacobian::new(
         2,

@@ -1,4 +1,4 @@
-//! Random numbers that are the same for ever, so that a seed names a problem: SplitMix64 (Steele, Lea and Flood 2014).
+//! Random numbers that never change, so that a seed identifies a problem: SplitMix64 (Steele, Lea and Flood 2014).
 #![allow(dead_code)]
 
 pub struct Random(u64);

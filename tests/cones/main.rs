@@ -1,4 +1,4 @@
-//! Cone complementarity problems built from their solutions, and proofs that there is none.
+//! Cone complementarity problems built from their solutions, and certificates that there is none.
 
 mod maps;
 #[path = "../common/random.rs"]
@@ -75,7 +75,7 @@ proptest! {
         prop_assert_eq!(problem.natural_residual(&z, &mut room).unwrap(), report.residual);
     }
 
-    /// Projections are the nearest points: p ∈ K, p − z ∈ K*, pᵀ(p − z) = 0 (J. J. Moreau, 1962).
+    /// Projections are nearest points: p ∈ K, p − z ∈ K*, pᵀ(p − z) = 0 (J. J. Moreau, 1962).
     #[test]
     fn projections_decompose(z in prop::collection::vec(-5.0..5.0, 1..6)) {
         let cone = Cone::SecondOrder(z.len());
@@ -141,7 +141,8 @@ fn infeasible_problems_are_refuted() {
     assert!((value + 1.0).abs() < 1e-9 && ray.radius > 1e6);
 }
 
-/// F(x) = (0, x₁ − 1, x₂) at points far along the axis of the cone: F is as large there as anywhere, and so is what is measured.
+/// F(x) = (0, x₁ − 1, x₂) at points far along the axis of the cone: F is no smaller there than elsewhere, and neither is the reported
+/// error.
 #[test]
 fn residuals_do_not_vanish_along_the_axis() {
     let matrix = Matrix::from_rows(&[[0.0; 3], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).unwrap();
@@ -153,7 +154,7 @@ fn residuals_do_not_vanish_along_the_axis() {
             let options = ConeOptions::default().with_max_iterations(limit);
             let report = ConeSolver::new(options).solve(&problem, &mut x).unwrap();
             let (off, error) = ((x[1] - 1.0).abs(), report.error);
-            // Nothing is measured before the last iterations.
+            // The error is evaluated in the last iterations only.
             let agrees = error == f64::INFINITY || error >= 0.1 * off - 1e-12 && error <= off + 1e-12;
             assert!(
                 agrees && (limit < 100 || report.is_solved()),
@@ -163,7 +164,7 @@ fn residuals_do_not_vanish_along_the_axis() {
     }
 }
 
-/// With skew M and v = (1, 1, 0) in K, vᵀF(x) = −½ for all x: far out a small relative residual is no solution.
+/// With skew M and v = (1, 1, 0) in K, vᵀF(x) = −½ for all x: a small relative residual far from the origin is no solution.
 #[test]
 fn residuals_that_vanish_at_infinity_are_no_solutions() {
     let rows = [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [-1.0, 1.0, 0.0]];
@@ -184,8 +185,8 @@ fn residuals_that_vanish_at_infinity_are_no_solutions() {
     }
 }
 
-/// The same beside x₃ ≥ 0 ⟂ x₃ − 1 ≥ 0, which has nothing to do with it: its constants are large where those of the others are small. The proof
-/// is that of the others alone.
+/// The same beside x₃ ≥ 0 ⟂ x₃ − 1 ≥ 0, which is decoupled from it and whose constant may be large compared with the others. The
+/// certificate concerns the other rows alone.
 #[test]
 fn other_blocks_do_not_hide_what_vanishes_at_infinity() {
     let rows = [
@@ -227,7 +228,7 @@ fn limits_and_observers_stop_the_run() {
     let options = ConeOptions::default().with_max_time(Some(std::time::Duration::ZERO));
     let report = ConeSolver::new(options).solve(&problem, &mut x).unwrap();
     assert_eq!(report.status, ConeStatus::TimeLimit);
-    // No solution, which takes all methods and starts to find out.
+    // A problem without solution, so that all methods and starts are tried.
     let matrix = Matrix::from_rows(&[[-2.0, 1.0, 0.0], [1.0, 1.0, -2.0], [0.0, 2.0, -1.0]]).unwrap();
     let function = AffineFunction::new(matrix, vec![-3.0, 1.0, 2.0]).unwrap();
     let problem = ConeProblem::new(function, vec![Cone::SecondOrder(3)]).unwrap();
@@ -246,7 +247,7 @@ fn limits_and_observers_stop_the_run() {
     }
 }
 
-/// F without derivative: constant F inside of the cone has the solution 0, on the boundary a ray of them, outside none.
+/// F with derivative 0: a constant F inside the cone has the solution 0, on the boundary a ray of solutions, outside none.
 #[test]
 fn functions_that_are_singular_everywhere() {
     for (q, status) in [
@@ -269,7 +270,7 @@ fn functions_that_are_singular_everywhere() {
     }
 }
 
-/// Outside of their domain functions say NaN: steps end inside of it, and a start outside is told.
+/// Outside their domain functions return NaN: steps stay inside it, and a start outside is reported.
 #[test]
 fn functions_with_a_domain() {
     // 1/(t + 1) + t − 2 vanishes where t² − t − 1 does; there t > ‖v‖.
@@ -301,7 +302,7 @@ fn functions_with_a_domain() {
     assert_eq!(x[1..], [0.0, 0.0]);
 }
 
-/// Evaluations of F are counted as F itself counts them, on all ways to a solution and where there is none.
+/// The reported evaluations of F are those that F itself counts, on every route to a solution and where there is none.
 #[test]
 fn evaluations_are_counted() {
     for (slope, q) in [(1.0, -1.0), (0.0, -1.0), (-0.5, 1.0)] {
@@ -376,7 +377,8 @@ fn matrices_of_order_two_are_a_second_order_cone() {
     }
 }
 
-/// Strongly monotone problems in matrices are solved at the pair (X, F) from which they are made, ranks adding up to the order or not.
+/// Strongly monotone problems in matrices are solved at the pair (X, F) from which they are built, whether or not the ranks add up to the
+/// order.
 #[test]
 fn matrix_problems_built_from_their_solution() {
     let mut random = Random::new(17);
@@ -468,13 +470,13 @@ fn lovasz_numbers_of_circles() {
     }
 }
 
-/// (t, v) nearest to (1, 3, 4) turned, with the second entry of v, in the old axes, held at 0 by an equation: it is rounding, and so are the
-/// terms of that row.
+/// The point nearest to (1, 3, 4) in rotated axes, with the second entry of v, in the original axes, fixed at 0 by an equation: the entry
+/// is rounding, and so are all terms of that row.
 #[test]
 fn equations_for_what_is_rounding_are_solved() {
     for angle in [0.3_f64, 1.1, 2.0] {
         let (sin, cos) = angle.sin_cos();
-        // x = (t, v₁, v₂) in turned axes; cos v₁ + sin v₂ = 0 with the multiplier y.
+        // x = (t, v₁, v₂) in rotated axes; cos v₁ + sin v₂ = 0 with the multiplier y.
         let rows = [
             [0.0, 0.0, cos, sin],
             [0.0, 1.0, 0.0, 0.0],
@@ -511,7 +513,7 @@ fn semidefinite_programs_without_points() {
     let mut x = vec![0.0; problem.len()];
     let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
     assert!(!report.is_solved(), "{report:?}");
-    // All conditions hold here but X₁₁ = ε, which is rounding beside X₂₂ = 1/ε, and not beside the data.
+    // All conditions hold here except X₁₁ = ε, which is rounding compared with X₂₂ = 1/ε, but not compared with the data.
     let e = 1e-8;
     let mut x = [1.0 - 1.0 / (e * e), 1.0 / e, e, std::f64::consts::SQRT_2, 1.0 / e];
     let few = ConeOptions::default().with_max_iterations(1).with_restarts(0);
@@ -566,14 +568,14 @@ fn nearest_correlation_matrices() {
     }
 }
 
-/// Strategies alone find the one solution of a strongly monotone problem, and what does not suit a problem does nothing.
+/// Each strategy alone finds the one solution of a strongly monotone problem; a strategy that does not apply does nothing.
 #[test]
 fn strategies_alone_agree() {
     let mut random = Random::new(33);
     for case in 0..30 {
         let matrix = Matrix::from_rows(&monotone_of(6, &mut random)).unwrap();
         let q = random.vector(6, 3.0);
-        // The same values, told to be affine or not.
+        // The same values, declared affine or not.
         let affine = case % 2 == 0;
         let solve = |strategy: ConeStrategy| {
             let cones = vec![Cone::SecondOrder(3), Cone::SecondOrder(2), Cone::Nonnegative(1)];

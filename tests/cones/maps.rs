@@ -10,7 +10,7 @@ use semismooth::sparse::{Matrix, Pattern};
 use super::monotone_of;
 use super::random::Random;
 
-/// A cone with x and F(x) at which a square root or a projection has no derivative, or has one by little.
+/// A cone with x and F(x) at which a square root or a projection has no derivative, or is close to having none.
 struct Sample {
     cone: Cone,
     x: Vec<f64>,
@@ -146,8 +146,8 @@ fn moved(x: &[f64], step: f64, direction: &[f64]) -> Vec<f64> {
     x.iter().zip(direction).map(|(x, d)| x + step * d).collect()
 }
 
-/// Fischer–Burmeister: the element is the limit of Jacobians, which are those of differences, along the ray that the documentation names; with F
-/// that mixes all cones, alone and in threes.
+/// Fischer–Burmeister: the element is the limit of Jacobians, checked by differences, along the ray stated in the documentation; with F
+/// that couples all cones, each cone alone and three together.
 #[test]
 fn elements_of_fischer_burmeister_maps_are_limits() {
     let (samples, mut random) = (samples(), Random::new(5));
@@ -184,7 +184,9 @@ fn elements_of_fischer_burmeister_maps_are_limits() {
     }
 }
 
-/// Natural and normal maps with F′ = 2 I, so that x − F(x) runs against x: limits from inside of the cone on its boundary, else from outside.
+/// Natural and normal maps with F′ = 2 I, so that x − F(x) moves opposite to x: limits from inside the cone on its boundary, otherwise from
+/// outside.
+/// outside.
 #[test]
 fn elements_of_natural_and_normal_maps_are_limits() {
     for (k, sample) in samples().iter().enumerate() {
@@ -218,7 +220,7 @@ fn elements_of_natural_and_normal_maps_are_limits() {
     }
 }
 
-/// The theorems say order 1 at every point, kinks and the origin included, for curved F too.
+/// By the theorems the order is 1 at every point, kinks and the origin included, also for nonlinear F.
 #[test]
 fn maps_are_strongly_semismooth() {
     for (k, sample) in samples().iter().enumerate() {
@@ -262,7 +264,7 @@ fn maps_are_strongly_semismooth() {
     }
 }
 
-/// A band of entries over cones of several kinds: the patterns hold all that Jacobians have, zeros are solutions, and those that
+/// A banded F over cones of several kinds: the patterns contain all entries of the Jacobians, and zeros are solutions, those that
 /// [`ConeSolver`] finds.
 #[test]
 fn newton_on_maps_and_the_solver_agree() {
@@ -313,7 +315,7 @@ fn newton_on_maps_and_the_solver_agree() {
     }
 }
 
-/// Zeros of the smoothed map lie inside of the cone with x ∘ F(x) = μ² e.
+/// Zeros of the smoothed map lie inside the cone with x ∘ F(x) = μ² e.
 #[test]
 fn zeros_of_smoothed_maps_are_central() {
     for mu in [1e-3, 0.3, 2.0] {
@@ -374,8 +376,8 @@ fn penalised_maps_of_half_lines_are_those_of_complementarity_problems() {
     }
 }
 
-/// Wherever Newton's method on a penalised map ends at a zero, it is a solution, whatever the problem; derivatives are those of differences
-/// in general position.
+/// A zero of a penalised map at which Newton's method ends is a solution of the problem; in general position derivatives agree with
+/// differences.
 #[test]
 fn zeros_of_penalised_maps_are_solutions() {
     let mut random = Random::new(32);

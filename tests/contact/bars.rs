@@ -1,4 +1,4 @@
-//! The non-uniqueness problems of friction that weakens with the slip, against independent digits.
+//! The nonuniqueness problems of slip-weakening friction, against independent digits.
 
 use semismooth::contact::{CondensedContact, FixedPointOptions, NodeLaw, fixed_point};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, PointKind, Termination};
@@ -6,7 +6,7 @@ use semismooth::continuation::{Branch, ContinuationOptions, Direction, PointKind
 #[path = "../../examples/common/bars.rs"]
 pub(crate) mod problems;
 
-/// Follows ζ from 3.2 on the sticking side down, through both folds.
+/// Follows ζ downwards from 3.2 on the sticking side, through both folds.
 fn follow<L: NodeLaw>(problem: &CondensedContact<L>) -> Branch {
     let start = problem
         .solve(3.2, Some(&problem.stick_start(3.2).unwrap()))
@@ -86,7 +86,7 @@ fn all_nodes_of_the_plane_bar() {
             .filter(|p| p.kind == PointKind::Target && p.parameter() == 1.4);
         let points: Vec<_> = targets.collect();
         assert_eq!(points.len(), 3);
-        // From the sticking side the branch meets them in the order of their slips.
+        // From the sticking side the branch meets the solutions in the order of their slips.
         for (point, solution) in points.iter().zip(["solution1", "solution2", "solution3"]) {
             let expected = &json[name][solution];
             let list = |key: &str| -> Vec<f64> {
@@ -146,7 +146,7 @@ fn fixed_point_jumps_at_the_fold() {
     };
     assert!(end(1.3755019) < 5e-3);
     assert!(end(1.3755018) > 1e-2);
-    // The rate is that of the last changes above rounding.
+    // The rate is that of the last increments above rounding.
     let start = bar.problem.stick_start(1.4).unwrap();
     let report = fixed_point(&bar.problem, &start, &FixedPointOptions::default()).unwrap();
     let rate = report.contraction().unwrap();

@@ -1,4 +1,4 @@
-//! Histories of loading: energy balance, shakedown to a loop, agreement of followed and solved steps.
+//! Load histories: energy balance, shakedown to a loop, agreement of followed and solved steps.
 
 use crate::maps::same_mechanics;
 use crate::squares;
@@ -55,7 +55,7 @@ fn energy_and_loop() {
             let mean = |v: &[f64]| v[p..].iter().sum::<f64>();
             assert!((mean(a) - mean(b)).abs() < 0.05 * mean(a).abs().max(1e-3));
         }
-        // How each level was reached agrees with the folds seen on the way.
+        // How each level was reached agrees with the folds on the way.
         for s in &history {
             match &s.arrival {
                 Arrival::Followed => assert!(s.folds.is_empty()),
@@ -71,7 +71,8 @@ fn energy_and_loop() {
     assert!(defects.iter().all(|d| *d < 1e-11), "{defects:?}");
 }
 
-/// With a branch of two points a step ends at Newton's method, whose runs are limited, too; neither changes where a step without folds ends.
+/// A branch limited to two points leaves the step to Newton's method, whose iterations are limited, too; neither limit changes the end of a
+/// step without folds.
 #[test]
 fn limits_of_a_step() {
     let mut problem = squares::pushed_block(4, 0.4).unwrap();
@@ -103,8 +104,8 @@ fn limits_of_a_step() {
     assert!(stopped.unwrap_err().is_interrupted());
 }
 
-/// An observer stops on the branch to the second level, as its energies are summed, or in the search for a solution at the first, where the
-/// branch and Newton's method are cut short; it is not asked again, and what was reached before is returned.
+/// An observer stops on the branch to the second level, while its energies are summed, or in the search for a solution at the first, where
+/// the branch and Newton's method are cut short; it is not called again, and the levels reached before are returned.
 #[test]
 fn observers_stop_between_levels() {
     let short = ContinuationOptions::default().with_max_points(2).with_step(1e-3);
@@ -143,8 +144,8 @@ fn observers_stop_between_levels() {
     }
 }
 
-/// Wherever an observer stops, it sees nothing more, and the levels before are those of the whole history: at the last point of a branch, too,
-/// where nothing is left to be followed.
+/// Wherever an observer stops, it is not called again, and the levels before are those of the whole history; also at the last point of a
+/// branch, where nothing is left to follow.
 #[test]
 fn observers_that_stop_see_nothing_more() {
     let problem = squares::pushed_block(2, 0.4).unwrap();
@@ -172,7 +173,7 @@ fn observers_that_stop_see_nothing_more() {
     }
 }
 
-/// Without friction there is nothing to dissipate or to remember: levels alone decide.
+/// Without friction nothing is dissipated or remembered: each state depends on its level alone.
 #[test]
 fn no_friction_no_memory() {
     let mut problem = squares::pushed_block(4, 0.0).unwrap();
@@ -191,7 +192,7 @@ fn no_friction_no_memory() {
     assert!(same(&history[3].x, &start));
 }
 
-/// Frictionless, but said to depend on the slip, without a history.
+/// Frictionless, but declared to depend on the slip, without a history.
 #[derive(Clone)]
 struct Forgetful(Frictionless);
 
@@ -202,7 +203,7 @@ impl NodeLaw for Forgetful {
     }
 }
 
-/// Increments of slip depend on the levels, so that nobody is to get them unasked.
+/// Increments of slip depend on the choice of levels, so that they have to be requested.
 #[test]
 fn slip_of_levels_is_refused() {
     let problem = squares::pushed_block(2, 0.4).unwrap();
@@ -233,7 +234,7 @@ fn slip_of_levels_is_refused() {
     assert_eq!(refused, Err(ContactError::SlipOfLevels));
 }
 
-/// A solid block held at its top, pressed 0.02 into the ground and moved by (0.007, 0.01) α.
+/// A solid block fixed at its top, pressed 0.02 into the ground and moved by (0.007, 0.01) α.
 fn solid(n: usize, friction: [f64; 2]) -> CondensedContact<OrthotropicCoulomb> {
     let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], [n, n, n / 2]).unwrap();
     let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap())
@@ -256,7 +257,8 @@ fn solid(n: usize, friction: [f64; 2]) -> CondensedContact<OrthotropicCoulomb> {
     CondensedContact::new(body, OrthotropicCoulomb::new(first, second)).unwrap()
 }
 
-/// At the beginning of a level each of 49 nodes that slipped may stick or go on: of 2⁴⁹ choices one is right, and is found at once.
+/// At the beginning of a level each of 49 nodes that slipped may stick or go on slipping: of 2⁴⁹ choices one is right, and is found at
+/// once.
 #[test]
 fn levels_after_those_at_which_a_solid_slipped() {
     let levels = [0.5, 1.0, 0.5, 0.0, -1.0];
@@ -285,7 +287,7 @@ fn levels_after_those_at_which_a_solid_slipped() {
     }
 }
 
-/// A node on springs 1 under the pressure 1 + α²/2 whose slip, while it is held to one level, is 0.3 (α − 0.1) (0.9 − α): it turns at 0.5.
+/// A node on springs of stiffness 1 under the pressure 1 + α²/2, whose slip within one level is 0.3 (α − 0.1) (0.9 − α): it turns at 0.5.
 fn turning() -> CondensedContact<PlanarCoulomb> {
     const F: f64 = 0.4;
     let row = |k: usize| Matrix::from_triplets(1, 2, &[(0, k, 1.0)]).unwrap();
@@ -302,9 +304,9 @@ fn turning() -> CondensedContact<PlanarCoulomb> {
     CondensedContact::new(body, law).unwrap()
 }
 
-/// In one level the node slides back with the friction force; from level to level it sticks where it turns.
+/// Within one level the node slides back with the friction force; from level to level it sticks where the motion turns.
 #[test]
-fn what_comes_back_within_a_level_is_told() {
+fn returned_work_within_a_level_is_reported() {
     let run = |n: u32| {
         let mut problem = turning();
         let start = problem.solve(0.0, None).unwrap();
@@ -323,7 +325,8 @@ fn what_comes_back_within_a_level_is_told() {
         let sum = |f: fn(&semismooth::contact::EvolutionStep) -> f64| steps.iter().map(f).sum::<f64>();
         (sum(|s| s.dissipated), sum(|s| s.returned))
     };
-    // ∫ F λν dδ = 0.12 ∫ (1 + α²/2) (1 − 2α) dα from 0.1 to 0.9, its part from 0.5 on, and that to 0.5, where friction alone is at work.
+    // ∫ F λν dδ = 0.12 ∫ (1 + α²/2) (1 − 2α) dα from 0.1 to 0.9, its part from 0.5 on, and its part up to 0.5: the dissipation if the node
+    // sticks at the turn.
     let primitive = |a: f64| 0.12 * (a - a * a + a.powi(3) / 6.0 - a.powi(4) / 4.0);
     let (whole, back) = (primitive(0.9) - primitive(0.1), primitive(0.5) - primitive(0.9));
     let right = primitive(0.5) - primitive(0.1);
@@ -347,7 +350,7 @@ fn what_comes_back_within_a_level_is_told() {
     }
 }
 
-/// A level that comes twice has no branch to follow, and nothing happens there.
+/// A repeated level has no branch to follow, and nothing happens there.
 #[test]
 fn a_level_that_comes_again_is_not_followed() {
     let mut problem = squares::pushed_block(4, 0.4).unwrap();

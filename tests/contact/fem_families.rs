@@ -87,8 +87,8 @@ fn changes(branch: &Branch) -> usize {
     sites.filter(|c| c.from != c.to).count()
 }
 
-/// The numbers of an independent event-driven code. On the finer mesh two transitions fall together to rounding, and others are so near
-/// to facets that run almost along the curve that these must not be taken for vanishing.
+/// The numbers of an independent event-driven code. On the finer mesh two transitions coincide to rounding, and others are so close to
+/// facets nearly parallel to the curve that these must not be treated as vanishing.
 #[test]
 fn refined_block() {
     for (n, free, contacts, expected) in [([40, 80], 6560, 41, 133), ([160, 64], 20608, 161, 532)] {

@@ -7,7 +7,7 @@ use semismooth::contact::read_folder;
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sparse::read_matrix_market;
 
-/// A copy of a folder that is right, removed at the end.
+/// A copy of a valid folder, removed at the end.
 struct Copy(PathBuf);
 
 impl Copy {
@@ -58,7 +58,7 @@ fn broken_descriptions_are_named() {
         let error = read(text).unwrap_err().to_string();
         assert!(words.iter().all(|w| error.contains(w)), "{text}: {error}");
     }
-    // One number stands for a list of equal ones; r is what the problem chooses unless told.
+    // One number stands for a list of equal ones; r is the problem's own choice unless given.
     let one = read("{\"friction\": 0.25}").unwrap().problem;
     let list = read(&format!("{{\"friction\": {:?}, \"r\": 1}}", vec![0.25; p]))
         .unwrap()
@@ -79,7 +79,7 @@ fn broken_descriptions_are_named() {
     assert!((one.r() - quarter).abs() < 1e-9 * quarter && list.r() == 1.0);
     let wrong = read(&format!("{{\"friction\": {:?}}}", vec![0.25; p + 1]));
     assert!(wrong.is_err());
-    // A vector that is too short or no number.
+    // A vector that is too short, or an entry that is not a number.
     std::fs::write(copy.0.join("meta.json"), "{\"friction\": 0.25}").unwrap();
     let f1 = std::fs::read_to_string(copy.0.join("f1.txt")).unwrap();
     let mut lines: Vec<&str> = f1.lines().collect();

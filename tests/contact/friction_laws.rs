@@ -39,8 +39,8 @@ fn entry(row: &LocalRow, k: usize) -> f64 {
     }
 }
 
-/// The derivative at 0 by central differences, extrapolated to fourth order where the function is smooth. Coefficients of friction are
-/// continued below no slip with one continuous derivative alone: a step across it leaves an error of first order in h.
+/// The derivative at 0 by central differences, extrapolated to fourth order where the function is smooth. The continuation of friction
+/// coefficients to negative slip is only C¹: a step across 0 leaves an error of first order in h.
 fn derivative(f: impl Fn(f64) -> f64) -> f64 {
     let central = |h: f64| (f(h) - f(-h)) / (2.0 * h);
     let h = 1e-6;
@@ -149,8 +149,8 @@ proptest! {
         check_rows(&Frictionless::plane(), &plane);
     }
 
-    /// A traction obeys the law in scaled form (residual 0 on the piece whose cell holds it) exactly if it is the Euclidean projection of
-    /// λt + r u_t onto the ellipse with semi-axes F λν.
+    /// A traction obeys the law in scaled form (residual 0 on the piece whose cell contains it) exactly if it is the Euclidean projection
+    /// of λt + r u_t onto the ellipse with semi-axes F λν.
     #[test]
     fn scaled_disc_is_ellipse_projection(f1 in 0.1..2.0f64, f2 in 0.1..2.0f64, n in 0.1..3.0f64, z1 in -3.0..3.0f64, z2 in -3.0..3.0f64) {
         let axes = [f1 * n, f2 * n];
@@ -181,7 +181,7 @@ proptest! {
     }
 }
 
-/// One node with compliance w in the tangent plane and given pressure: u_t = b − w λt.
+/// One node with compliance w in the tangent plane under given pressure: u_t = b − w λt.
 fn one_node(w: f64, b: [f64; 2], pressure: f64) -> ContactBody {
     let a = Matrix::from_rows(&[[1.0, 0.0, 0.0], [0.0, 1.0 / w, 0.0], [0.0, 0.0, 1.0 / w]]).unwrap();
     let unit = |d: usize| {
@@ -281,7 +281,7 @@ fn curves() {
     assert!(FrictionCurve::constant(-0.1).is_err());
     assert!(FrictionCurve::table(&[(0.0, 0.1), (0.0, 0.2)]).is_err());
     assert!(FrictionCurve::exponential(0.3, 0.1, 0.0).is_err());
-    // Negative and NaN coefficients are found when a problem is solved.
+    // Negative and NaN coefficients are detected when a problem is solved.
     for bad in [-0.1, f64::NAN] {
         let law =
             OrthotropicCoulomb::isotropic(FrictionCoefficient::function(move |_, _, _| [bad, 0.0, 0.0]));
@@ -290,7 +290,7 @@ fn curves() {
     }
 }
 
-/// Coulomb's law whose pieces bear other names.
+/// Coulomb's law with other names for its pieces.
 #[derive(Clone)]
 struct Translated(PlanarCoulomb);
 
@@ -301,7 +301,7 @@ impl NodeLaw for Translated {
     }
 }
 
-/// What a node does is told by the law, not by the names of its pieces; and the search for a solution takes the same steps.
+/// The state of a node is defined by the law, not by the names of its pieces; and the search for a solution takes the same steps.
 #[test]
 fn states_do_not_depend_on_names() {
     let identity = |rows: [usize; 2]| {

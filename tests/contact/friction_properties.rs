@@ -1,4 +1,4 @@
-//! Random frictional problems: every branch, followed from every solution, against conditions and determinants of the tests' own.
+//! Random frictional problems: every branch, followed from every solution, against conditions and determinants computed independently here.
 
 use crate::dense::{det_sign, distance, dot, eliminate, norm};
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ use semismooth::sparse::Matrix;
 
 /// The window of the parameter.
 const WINDOW: (f64, f64) = (0.0, 4.0);
-/// Distance (relative) that inequalities and pivots of a regular sample keep from zero.
+/// Relative distance from zero that inequalities and pivots of a regular sample keep.
 const MARGIN: f64 = 1e-6;
 
 /// x, the states, and sign det ∇_yH.
@@ -128,7 +128,7 @@ impl Sample {
         }
     }
 
-    /// Relative to the load, what rounding leaves where all terms vanish.
+    /// The size of rounding where all terms vanish, relative to the load.
     fn floor(&self) -> f64 {
         1e-4 * (norm(&self.load[0]) + WINDOW.1 * norm(&self.load[1])) + f64::MIN_POSITIVE
     }
@@ -214,8 +214,8 @@ impl Sample {
         det_sign(&bordered)
     }
 
-    /// All solutions at α with their states, by enumeration of the 4ᵖ linear systems; `None` if one of them is not clearly
-    /// regular or clearly in or out.
+    /// All solutions at α with their states, by enumeration of the 4ᵖ linear systems; `None` if one of them is too close to singular or to
+    /// the boundary of its cell.
     fn solutions(&self, alpha: f64) -> Option<Vec<Solution>> {
         let (n, p) = (self.n(), self.p());
         let m = n + 2 * p;
@@ -273,7 +273,7 @@ fn options(targets: &[f64]) -> ContinuationOptions {
         .with_max_growth(100.0)
 }
 
-/// What a branch visits, in order: its transitions of states (α, before, after).
+/// The transitions of a branch in order: (α, states before, states after).
 fn changes<V: View, L: NodeLaw>(
     map: &Contact<V, L>,
     transitions: &[Transition],
@@ -402,7 +402,7 @@ proptest! {
                 check_end(&branch)?;
                 check_branch(&s, &full, &branch)?;
                 prop_assert_eq!(&full.states(&branch.points[0].selection), states);
-                // At the target the branch passes one of the solutions there, and hits it exactly.
+                // At the target the branch passes through one of the solutions there, and hits it exactly.
                 let hits = branch.points.iter().filter(|p| p.kind == PointKind::Target);
                 for hit in hits.filter(|p| p.x[n + 2 * s.p()] == target) {
                     let known = others.iter().find(|y| distance(&y.0, &hit.x) <= 1e-9 * (1.0 + norm(&y.0)));
@@ -491,7 +491,7 @@ fn same_in_condensed_form(
     let start = condensed.restrict(x).unwrap();
     let other = follow(condensed, &start, direction, &[target]);
     check_end(&other)?;
-    // The limit on the growth of ‖x‖ cuts the two forms at different points, perhaps before and behind a transition.
+    // The limit on the growth of ‖x‖ cuts the two forms at different points, possibly on different sides of a transition.
     let cut = branch.termination == Termination::Unbounded || other.termination == Termination::Unbounded;
     if !cut {
         prop_assert_eq!(branch.transitions.len(), other.transitions.len());
@@ -511,7 +511,7 @@ fn same_in_condensed_form(
     Ok(())
 }
 
-/// From the end of a branch back to its start: the same transitions in reverse order, their sides exchanged.
+/// From the end of a branch back to its start: the same transitions in reverse order, the states before and after exchanged.
 fn there_and_back(
     map: &FullContact<PlanarCoulomb>,
     branch: &Branch,
@@ -524,7 +524,7 @@ fn there_and_back(
         return Ok(());
     }
     let back: Vec<f64> = end.tangent.iter().map(|t| -t).collect();
-    // The limit on the growth of ‖x‖ counts from the end, where x may be small.
+    // The limit on the growth of ‖x‖ is relative to this new start, where x may be small.
     let options = options(&[alpha]).with_max_growth(1e5);
     let returned = Branch::follow(map, &end.x, Direction::Along(back), options).unwrap();
     let expected = branch.transitions.iter().rev();

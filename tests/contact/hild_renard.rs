@@ -21,7 +21,7 @@ impl Data {
         HildRenard::new(self.f_nu, self.f_t, self.lambda, self.mu).unwrap()
     }
 
-    /// Violation of equilibrium, Signorini's and Coulomb's conditions by (u_ν, u_t, λ_ν, λ_t), relative to the terms involved.
+    /// Violation of equilibrium and of Signorini's and Coulomb's conditions by (u_ν, u_t, λ_ν, λ_t), relative to the terms involved.
     fn violation(&self, [un, ut, pn, pt]: [f64; 4], friction: f64) -> f64 {
         let (d, c) = (0.5 * (self.lambda + 3.0 * self.mu), 0.5 * (self.lambda + self.mu));
         let force = self.f_nu.abs() + self.f_t.abs() + f64::MIN_POSITIVE;
@@ -86,7 +86,7 @@ proptest! {
         }
     }
 
-    /// The other way round: a state whose closed form satisfies the conditions with a margin is listed there.
+    /// Conversely, a state whose closed form satisfies the conditions with a margin is listed there.
     #[test]
     fn no_piece_is_missing(d in data(), alpha in 0.0..10.0_f64) {
         let model = d.model();
@@ -154,7 +154,7 @@ fn cases_by_the_analysis() {
     }
 }
 
-/// The distinct solutions that first points from all four states lead to.
+/// The distinct solutions found by first-point searches from all four states.
 fn solutions(problem: &FullContact<PlanarCoulomb>, alpha: f64) -> Vec<Vec<f64>> {
     let mut list: Vec<Vec<f64>> = Vec::new();
     for state in ContactState::ALL {
@@ -251,7 +251,7 @@ fn compare(d: Data, alpha_0: f64, alpha_max: f64, expected: usize) -> Result<(),
             let on_a_piece = pieces.iter().any(|b| {
                 let (lower, upper) = b.interval;
                 if lower == upper {
-                    // The vertical segment: there α is as good as it solves the problem at the pole.
+                    // On the vertical segment α is as accurate as the solution of the problem at the pole.
                     return d.violation([x[0], x[1], x[2], x[3]], lower) < 1e-11;
                 }
                 let slack = 1e-10 * (1.0 + alpha);
@@ -263,7 +263,7 @@ fn compare(d: Data, alpha_0: f64, alpha_max: f64, expected: usize) -> Result<(),
         let ends: Vec<f64> = component.points.iter().map(|x| x[4]).collect();
         prop_assert!(ends.contains(&alpha_max));
         for b in &pieces {
-            // An end of a piece inside the range is a transition, exactly there, of the branch that holds the piece.
+            // An end of a piece inside the range is a transition, exactly there, of the branch that contains the piece.
             let edge = b.interval.0;
             if b.state == ContactState::Stick && edge > 1e-6 && edge < alpha_max - 1e-6 {
                 let corner = [model.solution(b.state, edge).to_vec(), vec![edge]].concat();
@@ -288,7 +288,7 @@ proptest! {
 
     #[test]
     fn continuation_agrees_with_the_analysis(d in data(), s in 0.05..0.95_f64) {
-        // In units of the load and the shear modulus the indicator must be clear of zero: on the line itself see below.
+        // In units of the load and the shear modulus the indicator must be bounded away from zero; for zero itself see below.
         let size = (d.lambda + 3.0 * d.mu) * (d.f_nu.abs() + d.f_t.abs());
         prop_assume!(d.model().indicator().abs() > 1e-3 * size);
         // All branches are present beyond the last corner, |f_t| / f_ν.
@@ -307,10 +307,10 @@ proptest! {
     }
 }
 
-/// The vertical segment of this bifurcating problem, −6 ≤ u_t ≤ 0 at the pole α = 57/33, ends where the node opens, at a branch point of slip:
-/// in a transition that is no ordinary point as well.
+/// The vertical segment of this bifurcating problem, −6 ≤ u_t ≤ 0 at the pole α = 57/33, ends where the node opens, at a point that is a
+/// transition and a branch point of slip at once.
 #[test]
-fn the_end_of_the_vertical_segment_is_told_once() {
+fn the_end_of_the_vertical_segment_is_reported_once() {
     let problem = HildRenard::new(33.0, -57.0, 7.0, 4.0).unwrap().problem().unwrap();
     for alpha in [2.92067556659445, 3.257756315613208] {
         let options = ContinuationOptions::default().with_parameter_range((0.0, 5.0));

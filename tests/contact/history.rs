@@ -1,4 +1,4 @@
-//! Laws with a history: friction that falls with the slip since the beginning, however the way is divided into levels.
+//! Laws with a history: friction that falls with the accumulated slip, however the load path is divided into levels.
 
 use std::ops::ControlFlow;
 
@@ -22,7 +22,8 @@ fn dissipation(xi: f64) -> f64 {
     0.3 * xi + 0.02 * (1.0 - (-10.0 * xi).exp())
 }
 
-/// A node on springs 1, stiffer than friction falls (2), pressed by 1 and pulled over a plane by 3 α along t₁.
+/// A node on a normal spring of stiffness 1 and tangential springs of stiffness 3, above the slope of friction (2); pressed by 1 and pulled
+/// over a plane by 3 α along t₁.
 fn body(tangents: usize) -> ContactBody {
     let n = 1 + tangents;
     let row = |k: usize| Matrix::from_triplets(1, n, &[(0, k, 1.0)]).unwrap();
@@ -60,7 +61,7 @@ fn slip(alpha: f64) -> f64 {
     low
 }
 
-/// The end of a pull, and the energy on the way, do not depend on the number of levels.
+/// The end of a pull, and the energy along it, do not depend on the number of levels.
 fn check_pull<V: View, L: NodeLaw>(problem: impl Fn() -> Contact<V, L>) {
     let exact = slip(1.0);
     for n in [1, 10, 1000] {
@@ -96,8 +97,8 @@ fn the_number_of_levels_does_not_count() {
     check_pull(|| CondensedContact::new(body(2), space()).unwrap());
 }
 
-/// On a spring softer than friction falls, the node leaves stick at a fold, from where the branch runs back to a second one: the level is
-/// reached along it, but no body goes that way. It jumps.
+/// On a spring softer than friction falls, the node leaves stick at a fold, from which the branch runs back to a second one. The level is
+/// reached along this branch, but a body does not follow it: it jumps.
 #[test]
 fn a_level_behind_folds_is_not_followed() {
     let a = Matrix::identity(2);
@@ -118,7 +119,7 @@ fn a_level_behind_folds_is_not_followed() {
     assert!((u + friction(u) - 2.0).abs() < 1e-9);
 }
 
-/// The solution that a history begins with has slipped, too: begun on the way, it goes on as one that was begun before.
+/// The slip of the initial solution counts, too: a history begun midway goes on as one begun before.
 #[test]
 fn the_slip_of_the_start_counts() {
     fn check<V: View, L: NodeLaw>(problem: impl Fn() -> Contact<V, L>) {
@@ -144,7 +145,7 @@ fn the_slip_of_the_start_counts() {
     check(|| FullContact::new(body(2), OrthotropicCoulomb::isotropic(weakening())).unwrap());
 }
 
-/// To and fro: all slip counts, in whichever direction.
+/// Back and forth: slip accumulates whatever its direction.
 #[test]
 fn slip_to_and_fro_adds_up() {
     let way: Vec<f64> = [1.0, -1.0, 1.0]
@@ -171,7 +172,7 @@ fn slip_to_and_fro_adds_up() {
     assert!(path > 3.0 * last.abs());
 }
 
-/// A history goes on from what its last step tells, and the law forgets where it is asked to.
+/// A history goes on from the data of its last step, and the law forgets its history on request.
 #[test]
 fn a_history_is_taken_up_again() {
     let problem = || CondensedContact::new(body(1), PlanarCoulomb::new(weakening())).unwrap();
@@ -191,7 +192,7 @@ fn a_history_is_taken_up_again() {
         assert_eq!(a, b);
     }
     assert!(later.set_history(&[0.0; 2]).is_err() && later.set_history(&[f64::NAN]).is_err());
-    // Increments of each level, chosen: friction is that of the last increment alone.
+    // Increments of each level, by option: friction is that of the last increment alone.
     let mut problem = problem();
     let start = problem.solve(0.0, None).unwrap();
     let options = EvolutionOptions::default().with_slip_increments(true);
@@ -204,7 +205,7 @@ fn a_history_is_taken_up_again() {
     assert!(node.traction[0] > whole[9].solution.nodes[0].traction[0] + 0.01);
 }
 
-/// What a law has been through counts in whatever scale Newton's method works.
+/// The history of a law counts at any scale in which Newton's method works.
 #[test]
 fn a_history_counts_under_any_augmentation_parameter() {
     let problem = || CondensedContact::new(body(1), PlanarCoulomb::new(weakening())).unwrap();

@@ -1,4 +1,4 @@
-//! Operators with a law on few of their quantities: full form, condensed form and the contact module's own forms are one problem.
+//! Operators with a law on few of their quantities: full form, condensed form and the contact module's own forms are the same problem.
 
 use crate::random::Random;
 use crate::support::laplacian;
@@ -12,7 +12,7 @@ use semismooth::piecewise::check::{CheckOptions, check};
 use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection, select};
 use semismooth::sparse::Matrix;
 
-/// Coulomb friction in the plane, written anew: v = (u_ν, u_t), λ = (λ_ν, λ_t), nodes in blocks; r = 1.
+/// Coulomb friction in the plane, implemented independently: v = (u_ν, u_t), λ = (λ_ν, λ_t), nodes in blocks; r = 1.
 #[derive(Debug, Clone)]
 struct Coulomb {
     friction: Vec<f64>,
@@ -370,7 +370,7 @@ fn bad_parts_are_named() {
     assert!(e.to_string().contains("positive definite"), "{e}");
 }
 
-/// Clones and threads: the workspace that evaluations share is never seen.
+/// Clones and threads: the workspace shared by evaluations has no visible effect.
 #[test]
 fn many_threads_on_one_problem() {
     let problem = parts(9, 3, 5).interface();
@@ -407,7 +407,8 @@ fn many_threads_on_one_problem() {
     }
 }
 
-/// With so many multipliers that C is read by triangles: traces are those of the displacements, and derivatives differences of values.
+/// With so many multipliers that only one triangle of C is read: traces are those of the displacements, and derivatives agree with
+/// differences.
 #[test]
 fn large_condensed_forms_are_the_full_one() {
     let parts = parts(26, 201, 5);
@@ -437,6 +438,6 @@ fn large_condensed_forms_are_the_full_one() {
     jac.as_ref().mul_add(1.0, &d, &mut rates[..q]);
     map.test_derivatives(&x, &d, &mut rates[q..]);
     close(&rates[..q], &change[..q], 1e-11);
-    // Those of this law are differences.
+    // The derivatives of this law are differences.
     close(&rates[q..], &change[q..], 1e-7);
 }

@@ -1,4 +1,4 @@
-//! Contact with friction: bodies, laws, meshes, interfaces; every route to a solution.
+//! Contact with friction: bodies, laws, meshes, interfaces; all routes to a solution.
 
 #[path = "../dense/mod.rs"]
 mod dense;

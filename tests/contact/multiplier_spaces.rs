@@ -117,7 +117,7 @@ fn in_space() {
         let r = s.resultant();
         assert!(s.residuals.largest() < 1e-11);
         assert!((r[0] - nodal[0]).abs() < 0.1 * nodal[0] && (r[1] - nodal[1]).abs() < 0.1 * nodal[0]);
-        // Lumped nodes leave out what belongs to the clamped edge.
+        // Lumped nodes lack the share of the clamped edge.
         let area = rows.areas.iter().sum::<f64>();
         assert!(
             (area - 1.0).abs() < 1e-12 || (area - 11.0 / 12.0).abs() < 1e-12,
@@ -126,9 +126,10 @@ fn in_space() {
     }
 }
 
-/// A rigid motion moves the mean of every patch by as much; areas make up the boundary.
+/// The mean of an affine displacement over a cell or patch is its value at the point of the multiplier; the areas sum up to that of the
+/// boundary.
 #[test]
-fn means_of_rigid_motions() {
+fn means_of_affine_displacements() {
     for dim in [2, 3] {
         let mesh = if dim == 2 {
             Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [6, 3]).unwrap()
@@ -198,7 +199,7 @@ fn invisible_multipliers_are_refused() {
     );
 }
 
-/// A space is as good as itself with its displacements in another order: β = 1, and never more, whatever rounding makes of it.
+/// A space compared with itself, its displacements in another order: β = 1, and rounding never makes β exceed 1.
 #[test]
 fn no_space_is_better_than_its_reference() {
     let mut random = Random::new(4);

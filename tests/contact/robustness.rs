@@ -1,5 +1,5 @@
-//! Every contact problem with a definite matrix and a continuous law has a solution: it is to be found, whatever the body, the law and
-//! the augmentation parameter. What is found is checked against the conditions themselves, without the crate's residuals.
+//! Every contact problem with a positive definite matrix and a continuous law has a solution, which must be found whatever the body, the
+//! law and the augmentation parameter. Solutions are checked against the conditions themselves, without the crate's residuals.
 
 mod bodies;
 
@@ -18,7 +18,7 @@ use semismooth::contact::{
 use semismooth::newton::{Failure, NewtonError, NewtonOptions};
 use semismooth::sparse::Matrix;
 
-/// Largest violation of equilibrium, Signorini's conditions, the cone of friction and maximal dissipation, against the largest force
+/// Largest violation of equilibrium, Signorini's conditions, the cone of friction and maximal dissipation, relative to the largest force
 /// and displacement. `bounds` are those of given friction.
 fn violation(
     b: &Body,
@@ -60,7 +60,7 @@ fn violation(
     worst
 }
 
-/// Solves both forms with r times `factor`; which strategies did it.
+/// Solves both forms with r times `factor`; returns the strategies that succeeded.
 fn both<L: NodeLaw + Clone>(
     b: &Body,
     options: &ContactOptions,
@@ -101,7 +101,8 @@ fn both<L: NodeLaw + Clone>(
 
 type Observe<'a> = dyn FnMut(&ContactProgress) -> ControlFlow<()> + 'a;
 
-/// Repeats a search that had to lower the body, with limits on what it may do: no strategy does more, and none that is left out is tried.
+/// Repeats with limits a search that needed more than Newton's method: no strategy exceeds its limit, and none that is switched off is
+/// tried.
 fn keeps_limits(
     strategy: ContactStrategy,
     search: &mut dyn FnMut(&ContactOptions, &mut Observe<'_>) -> Result<ContactReport, ContactError>,
@@ -121,7 +122,7 @@ fn keeps_limits(
                 ContactStrategy::Increments if p.level < 1.0 => counts[0] = counts[0].max(p.points),
                 ContactStrategy::Path if p.level < 1.0 => {
                     counts[1] += 1;
-                    // Attempts of Newton's method are told with level 1.
+                    // Attempts of Newton's method are reported with level 1.
                     match lengths.last_mut() {
                         Some(last) if p.points > 1 => *last = p.points,
                         _ => lengths.push(p.points),
@@ -159,7 +160,7 @@ fn keeps_limits(
     );
 }
 
-/// The problem with a number.
+/// The problem with the given seed.
 fn problem(seed: u64) -> [ContactStrategy; 2] {
     problem_within(&ContactOptions::default(), seed)
 }
@@ -257,7 +258,7 @@ fn planar(seed: u64) {
     assert!(error <= 1e-8, "condensed form: {error:e}");
 }
 
-/// Problems at which Newton's method cycles from all its starts: the strategies behind it find their solutions.
+/// Problems on which Newton's method cycles from all its starts: the fallback strategies find their solutions.
 #[test]
 fn where_newton_cycles() {
     const SEEDS: [u64; 23] = [
@@ -274,8 +275,8 @@ fn where_newton_cycles() {
     }
 }
 
-/// Where a path winds, more points of it do not lead further: it is cut off, and Newton's method finds the solution from its point that
-/// is lowered furthest, or from that of a path with another order of touching nodes.
+/// Where a path winds, following it longer does not help: it is cut off, and Newton's method finds the solution from the point of the path
+/// at which the body is lowered furthest, or from a path with another order of touching nodes.
 #[test]
 fn paths_that_wind_are_cut_off() {
     for points in [125, 250] {
@@ -284,7 +285,7 @@ fn paths_that_wind_are_cut_off() {
     }
 }
 
-/// Of the first one, paths with another order of touching nodes are short; of the second one all are long, the first has 4220 points.
+/// In the first problem, paths with another order of touching nodes are short; in the second all are long, the first one has 4220 points.
 #[test]
 fn paths_that_wind_lead_to_solutions() {
     for seed in [189, 2_247_245_699_728_832_447] {
@@ -292,32 +293,32 @@ fn paths_that_wind_lead_to_solutions() {
     }
 }
 
-/// A coefficient of friction that rises within a thousandth of the slips: the way down bends within lengths of 1e-9, which the shortest step
-/// has to resolve.
+/// A coefficient of friction that rises within a thousandth of the slips: the path of the lowered body bends within lengths of 1e-9, which
+/// the shortest step has to resolve.
 #[test]
 fn steep_coefficients_of_friction() {
     let found = problem(9_911_927_845_062_130_942);
     assert_eq!(found[1], ContactStrategy::Path);
 }
 
-/// Hardening in the plane: a slip coefficient continued below 0 beyond the sides once let a node lie in the cells of both, and pass for
-/// solved in the wrong one.
+/// Hardening in the plane: a slip coefficient continued to negative slip must not let a node lie in the cells of both slip directions, and
+/// be solved in the wrong one.
 #[test]
 fn sides_of_slip_exclude_each_other() {
     problem(4_097_660_770_967_802_826);
 }
 
-/// The slip at which coefficients that fall at different rates along t₁ and t₂ are taken was once found by an equation with several
-/// roots; Newton's method took the jump from one to another for rounding.
+/// Coefficients that fall at different rates along t₁ and t₂ are taken at one slip: an equation with several roots for it would jump
+/// between them, and Newton's method would take the jump for rounding.
 #[test]
 fn oblique_slip_is_no_jump() {
     problem(12_484_323_139_738_361_259);
 }
 
-/// A search that is stopped, and one that cannot succeed, leave the best iterate and its history.
+/// A search that is stopped, and one that cannot succeed, return the best iterate and its history.
 #[test]
 fn failures_leave_the_best_iterate() {
-    // Pulled off the ground, and held by nothing.
+    // Pulled off the ground, without any support.
     let a = Matrix::from_rows(&[[0.0, 0.0], [0.0, 1.0]]).unwrap();
     let unit = |k: usize| Matrix::from_triplets(1, 2, &[(0, k, 1.0)]).unwrap();
     let loose = ContactBody::new(a, unit(0), vec![unit(1)], LoadPath::constant(vec![-1.0, 0.5])).unwrap();
@@ -343,7 +344,7 @@ fn failures_leave_the_best_iterate() {
     assert_eq!(seen, 1);
 }
 
-/// Of the starts of a search for a first point that fail the best is kept, each is told, and the search may be stopped at each.
+/// Among the failed starts of a search for a first point the best is kept, each is reported, and the search may be stopped at each.
 #[test]
 fn first_points_are_searched_as_long_as_allowed() {
     let a = Matrix::from_rows(&[[0.0, 0.0], [0.0, 1.0]]).unwrap();

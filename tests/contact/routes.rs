@@ -1,4 +1,4 @@
-//! One contact problem, every way to its solution: full form, condensed form, fixed point, Delassus form.
+//! One contact problem, all routes to its solution: full form, condensed form, fixed point, Delassus form.
 
 use proptest::prelude::*;
 use semismooth::contact::{
@@ -61,13 +61,13 @@ fn constant(f: f64) -> FrictionCoefficient {
     FrictionCoefficient::uniform(FrictionCurve::constant(f).unwrap())
 }
 
-/// Two results tell the same, whatever augmentation parameter each was found with.
+/// Two results agree, whatever augmentation parameter each was found with.
 fn agree(a: &ContactSolution, b: &ContactSolution, tolerance: f64) {
     let size = |s: &ContactSolution, f: &dyn Fn(&semismooth::contact::LocalValues) -> f64| {
         s.nodes.iter().fold(0.0f64, |m, v| m.max(f(v).abs()))
     };
     let force = size(a, &|v| v.pressure).max(size(a, &|v| v.traction[0]));
-    // Where all nodes stick displacements are small because forces cancel: their size is that of force over stiffness.
+    // Where all nodes stick displacements are small because forces cancel: their scale is force over stiffness.
     let length = size(a, &|v| v.penetration)
         .max(size(a, &|v| v.slip[0]))
         .max(force / b.nodes[0].r);
@@ -151,7 +151,7 @@ fn routes<L: NodeLaw + Clone>(body: &ContactBody, law: &L) -> ContactSolution {
     assert!(report.is_solved());
     let z = condensed.point_of_reactions(0.7, &report.r).unwrap();
     let third = condensed.solution(&z).unwrap();
-    // The solver stops at 1e-12 of the largest of q, r and u, which may be velocities; what follows is relative to forces.
+    // The solver stops at 1e-12 of the largest of q, r and u, which may be velocities; the checks below are relative to forces.
     let velocities = problem.velocities(&report.r).unwrap();
     let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let size = norm(problem.q()).max(norm(&report.r)).max(norm(&velocities));
@@ -213,8 +213,8 @@ proptest! {
         routes(&body, &Frictionless::space());
     }
 
-    /// Laws without a Delassus form: full = condensed. Under slip weakening solutions need not be unique: then the two forms may find
-    /// different ones, but what is a solution of one is one of the other.
+    /// Laws without a Delassus form: full = condensed. Under slip weakening solutions need not be unique: the two forms may find different
+    /// ones, but a solution of one form is a solution of the other.
     #[test]
     fn other_laws(forces in forces(), f in 0.05..0.3f64) {
         fn both<L: NodeLaw + Clone>(body: &ContactBody, law: &L, unique: bool) {

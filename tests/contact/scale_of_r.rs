@@ -1,4 +1,4 @@
-//! A prescribed augmentation parameter serves Newton's method and what is printed: nothing that is followed, classified or listed
+//! A prescribed augmentation parameter affects Newton's method and printed values only: nothing that is followed, classified or listed
 //! depends on it.
 
 use crate::random::Random;
@@ -44,7 +44,7 @@ fn follow<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64]) -> Branch {
     Branch::follow(map, x, Direction::Increasing, options).unwrap()
 }
 
-/// Everything that may be asked of the problem, but for the test functions that are told.
+/// Branch, solutions and diagram of the problem, without the printed test functions.
 fn account<P: PiecewiseSmooth>(map: &P, x: &[f64]) -> String {
     let mut branch = follow(map, x);
     for t in &mut branch.transitions {
@@ -84,7 +84,7 @@ fn is_the_same_at_every_r<V: View>(own: &Contact<V, PlanarCoulomb>) {
             listed.solutions.iter().any(|s| near(&s.x)),
             "r = 10^{exponent} times the stiffness"
         );
-        // What is told is told with this r.
+        // Test functions are reported with this r.
         for t in &follow(&map, &x).transitions {
             let theta = map.theta(&t.x);
             let tests = t.test_functions.chunks_exact(t.test_functions.len() / 2);
@@ -119,7 +119,7 @@ fn nothing_that_is_found_depends_on_r() {
     assert!(transitions >= 6, "{transitions}");
 }
 
-/// Where the nodes of a body have no positive stiffness in the mean there is nothing to scale by: r is that of the stiffness 1.
+/// If the mean stiffness of the nodes is not positive, there is no scale for r: r is that of the stiffness 1.
 #[test]
 fn bodies_without_stiffness_have_a_scale() {
     let of = |diagonal: [f64; 4]| {

@@ -25,14 +25,15 @@ struct Parts {
 
 /// A permutation of 0..n.
 fn shuffled(n: usize) -> Vec<usize> {
-    // A step that has no divisor in common with n.
+    // A stride coprime to n.
     let coprime = |k: &usize| (1..=*k).all(|d| d == 1 || !n.is_multiple_of(d) || !k.is_multiple_of(d));
     let step = (2..).find(coprime).unwrap();
     (0..n).map(|i| (step * i + 1) % n).collect()
 }
 
 impl Parts {
-    /// A block on the ground, held on top; sides are pushed from one side to the other while it is pressed down.
+    /// A block on the ground, fixed on top; horizontal tractions on its sides turn from one direction to the other while it is pressed
+    /// down.
     fn block(dim: usize) -> Self {
         let mesh = if dim == 2 {
             Mesh::rectangle([0.0, 0.0], [40.0, 80.0], [10, 20]).unwrap()
@@ -85,7 +86,7 @@ impl Parts {
         }
     }
 
-    /// Where the contact nodes go when they are renumbered.
+    /// The new numbers of the contact nodes.
     fn places(&self) -> Vec<usize> {
         shuffled(self.gap.len())
     }
@@ -224,7 +225,7 @@ fn plane_branches() {
     }
 }
 
-/// What a law needs to know of the way in which a problem is put: units of force and length, and the place of each node.
+/// What a law needs to know of a scaled problem: units of force and length, and the new number of each node.
 struct Terms {
     force: f64,
     length: f64,
@@ -340,8 +341,8 @@ fn solid_bodies_under_other_laws() {
     });
 }
 
-/// The parameter in units 1e±9: a load that grows to 1e9 times its start within α = 1, or hardly at all. The same transitions at
-/// the same loads, condensed and full, with steps that know nothing of the unit where pieces are affine.
+/// The parameter in units 1e±9: a load that grows to 1e9 times its initial value within α = 1, or hardly at all. The same transitions at
+/// the same loads, condensed and full, with steps that do not depend on the unit where pieces are affine.
 #[test]
 fn the_parameter_in_other_units() {
     let parts = Parts::block(2);
@@ -403,8 +404,8 @@ fn the_parameter_in_other_units() {
     }
 }
 
-/// A node that slips by next to nothing, as it is stiff: the facet of sticking is within the distance at which facets count as met,
-/// but the curve beyond is far away.
+/// A stiff node with a tiny slip: the facet of sticking is within the distance at which facets count as met, but the curve on its other
+/// side is far away.
 #[test]
 fn a_start_next_to_a_stiff_facet() {
     for stiffness in [1e6, 2e8] {
@@ -427,8 +428,8 @@ fn a_start_next_to_a_stiff_facet() {
     }
 }
 
-/// A start 1e-9 from a facet, with directions of different stiffness. Found by fuzzing: the curve across was followed, which passes
-/// far away.
+/// A start 1e-9 from a facet, with directions of different stiffness. Found by fuzzing: the curve on the other side of the facet, which is
+/// far away, must not be followed.
 #[test]
 fn a_start_near_the_facet_of_a_far_curve() {
     let a = Matrix::from_rows(&[
@@ -473,8 +474,8 @@ fn a_start_near_the_facet_of_a_far_curve() {
     }
 }
 
-/// Page 5 of the guide in other units of force and length, without a word about r: the same transitions of the same nodes, and on a
-/// coarse mesh as many solutions and edges of the diagram.
+/// Page 5 of the guide in other units of force and length, with r not given: the same transitions of the same nodes, and on a coarse mesh
+/// the same numbers of solutions and of edges of the diagram.
 #[test]
 fn planar_problems_choose_their_own_r() {
     let problem = |cells: [usize; 2], force: f64, length: f64| {

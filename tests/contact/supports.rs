@@ -1,4 +1,4 @@
-//! Prescribed displacements and supports that move: energies, work, reactions and fields, each against sums of its own.
+//! Prescribed displacements and supports that move: energies, work, reactions and fields, each against independent sums.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -93,7 +93,7 @@ fn energies_are_those_of_the_whole_body() {
             })
             .sum();
         assert!((by_stress - exact).abs() < 1e-12 * exact, "{by_stress} {exact}");
-        // The reactions hold the contact forces.
+        // The reactions balance the contact forces.
         let reactions = system.reactions(&free, &supports).unwrap();
         let solution = condensed.solution(&x).unwrap();
         let [normal, tangential, _] = solution.resultant();
@@ -110,7 +110,7 @@ fn energies_are_those_of_the_whole_body() {
 }
 
 #[test]
-fn reactions_in_space_hold_the_contact_forces() {
+fn reactions_in_space_balance_the_contact_forces() {
     let mesh = Mesh::block([0.0; 3], [2.0, 1.0, 1.0], [4, 2, 2]).unwrap();
     let system = Elasticity::new(mesh, Material::isotropic(1.0, NU).unwrap())
         .prescribe("top", 0, |_| 0.004)
@@ -184,7 +184,7 @@ fn work_of_supports_that_move() {
     assert!(history.iter().map(|s| s.dissipated).sum::<f64>() > 0.1 * work);
 }
 
-/// Two amplitudes: both cases of the supports count, and so does what they do to each other.
+/// Two amplitudes: both cases of the supports count, and so does their interaction.
 #[test]
 fn several_cases_with_amplitudes() {
     let (mesh, system, body) = sheared_block(3);
@@ -225,8 +225,8 @@ fn several_cases_with_amplitudes() {
     assert!(energy.imbalance().abs() < 1e-12 * exact);
 }
 
-/// A node held by a spring 1 and pulled by a spring 9 over the ground, F(ξ) = 0.2 + 0.6 exp(−10 ξ): under a force the curve folds and the
-/// body jumps; moved by the end of the stiff spring it does not.
+/// A node on a spring of stiffness 1, pulled by a spring of stiffness 9 over the ground, F(ξ) = 0.2 + 0.6 exp(−10 ξ): under a prescribed
+/// force the curve folds and the body jumps; with the end of the stiff spring prescribed it does not.
 #[test]
 fn displacement_control_where_a_force_jumps() {
     let row = |r| Matrix::from_rows(&[r]).unwrap();
@@ -302,10 +302,10 @@ fn what_does_not_belong_to_supports_is_refused() {
     assert!(system.supports().clone().plus(vec![0.0; 1]).is_err());
 }
 
-/// A coefficient of friction that changes within slips far below those of the problem, on which Newton's method turns around: the observer is
-/// asked within each attempt (80 000 evaluations of the coefficient, at most 2 500 from one look to the next), and once it stops no more come.
+/// A coefficient of friction that varies within slips far below those of the problem, on which Newton's method cycles: the observer is
+/// called within each attempt (80 000 evaluations of the coefficient, at most 2 500 between two calls), and not again once it stops.
 #[test]
-fn long_attempts_are_looked_at() {
+fn observers_are_called_within_long_attempts() {
     let evaluations = Arc::new(AtomicUsize::new(0));
     let counted = evaluations.clone();
     let friction = FrictionCoefficient::function(move |_, slip, _| {

@@ -75,7 +75,7 @@ fn solved(mut a: Vec<Vec<f64>>, mut b: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// S = Q K⁻¹ Qᵀ on m cells a unit length for the nodal multipliers of n of them, all by hand but the metric K.
+/// S = Q K⁻¹ Qᵀ with m cells per unit length for the nodal multipliers of n of them, all by hand except the metric K.
 fn schur(m: usize, n: usize) -> Vec<Vec<f64>> {
     let mesh = squares::plane_mesh(m).unwrap();
     let space = squares::traces(&mesh).unwrap();
@@ -84,7 +84,7 @@ fn schur(m: usize, n: usize) -> Vec<Vec<f64>> {
     let metric = (0..order)
         .map(|i| (0..order).map(|j| k.get(i, j)).collect())
         .collect();
-    // Where the free nodes of the ground are among the free ones.
+    // The numbers of the free nodes of the ground among all free nodes.
     let free = mesh.points().iter().filter(|p| p[0] > 1e-9);
     let ground: Vec<(usize, f64)> = free
         .enumerate()
@@ -115,7 +115,7 @@ fn schur(m: usize, n: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// β² = 1 / λmax(S⁻¹ S_ref), by powers of that matrix.
+/// β² = 1 / λmax(S⁻¹ S_ref), by the power method.
 #[test]
 fn inf_sup_by_hand() {
     let (n, m) = (2, 8);
@@ -136,7 +136,7 @@ fn inf_sup_by_hand() {
     assert!(beta < 1.0 && (found - beta).abs() < 1e-9, "{found} {beta}");
 }
 
-/// A lumped pairing against an exact one: no β, and the error says so.
+/// A lumped pairing against an exact one: β is not defined, and the error says so.
 #[test]
 fn pairings_that_do_not_belong_together_are_refused() {
     let (coarse, fine) = (squares::plane_mesh(4).unwrap(), squares::plane_mesh(32).unwrap());
@@ -184,13 +184,13 @@ fn the_lipschitz_constant_has_all_its_parts() {
     // The rate is the spectral radius of the parts [φ → φ′, g → φ′; φ → λν, g → λν], of rank one.
     let (a, b) = (slope * pressure * c.c_inf, 0.56 * c.c_t);
     close(bound.rate, a * c.c_t + b * c.c_inv, 1e-9 * bound.rate);
-    // Without a slope C₂ is nothing, and C₁ that of the contraction in g alone.
+    // Without a slope C₂ vanishes, and C₁ is that of the contraction in g alone.
     let still = c.lipschitz(0.56, 0.0, 1.0, pressure);
     assert_eq!((still.c2, still.c1), (0.0, 0.56 * c.c_t * c.c_inv));
     assert!(c.critical_slope(1.0, 0.0).is_infinite());
 }
 
-/// On the border of stick and slip+ with F = 2, in closed form: λν = 1 + δ/(4 − δ), λt = F λν for F = 2 − δ, nothing for δ < 0.
+/// On the boundary of stick and slip+ with F = 2, in closed form: λν = 1 + δ/(4 − δ), λt = F λν for F = 2 − δ, no change for δ < 0.
 #[test]
 fn certificates_for_the_coefficient_of_friction() {
     let problem = |friction: f64| {
@@ -233,7 +233,7 @@ fn certificates_for_the_coefficient_of_friction() {
     assert!(friction_derivative(&map, &Selection::uniform(1, 0), &x[..1]).is_err());
 }
 
-/// Under a constant coefficient below the guaranteed one the fixed point contracts at least as fast as the bound says.
+/// Under a constant coefficient below the guaranteed one the fixed-point iteration contracts at least as fast as the bound.
 #[test]
 fn contraction_within_the_bound() {
     let law = |f: f64| PlanarCoulomb::new(FrictionCoefficient::uniform(FrictionCurve::constant(f).unwrap()));

@@ -1,4 +1,4 @@
-//! Lists for chains: springs in series, tunnel diodes in series; kernels that stay undecided.
+//! Lists for chains: springs in series, tunnel diodes in series; kernels that remain undecided.
 
 use crate::maps::hand_on;
 use semismooth::continuation::ContinuationOptions;
@@ -140,7 +140,7 @@ fn a_stiffening_chain_has_one_solution_everywhere() {
     }
 }
 
-/// The same springs in their displacements alone, without a word of which rows depend on which springs.
+/// The same springs in their displacements alone, without stating which rows depend on which springs.
 struct Coupled(Springs);
 
 impl PiecewiseSmooth for Coupled {
@@ -162,7 +162,7 @@ impl PiecewiseSmooth for Coupled {
     }
     fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
         let n = self.0.count;
-        // With no forces given the residuals of the first rows are what the springs bear.
+        // With zero forces the residuals of the first rows are the spring forces.
         let mut free = x[..n].to_vec();
         free.resize(2 * n, 0.0);
         free.push(x[n]);
@@ -240,7 +240,7 @@ fn limits_of_time_leave_what_was_found() {
     ));
     let arms = all_arms(&map, &map.at_kink(), &none).unwrap();
     assert!(!arms.completeness.is_complete());
-    // Who asks to stop after some looks at the clock is asked no longer than that takes, and the list is not called complete.
+    // A callback that asks to stop is not called much longer, and the list is not called complete.
     let asked = std::cell::Cell::new(0);
     let stop = || {
         asked.set(asked.get() + 1);
@@ -254,7 +254,7 @@ fn limits_of_time_leave_what_was_found() {
         never,
         all_solutions(&map, 0.1, &EnumerationOptions::default()).unwrap()
     );
-    // 2⁴⁰ arms leave the point; whatever the time found of them has the right directions, and the list is not called complete.
+    // 2⁴⁰ arms leave the point; those found in time have the right directions, and the list is not called complete.
     let options = ContinuationOptions::default()
         .with_parameter_range((0.0, 4.0))
         .with_max_time(Some(Duration::from_millis(200)));
@@ -274,9 +274,9 @@ fn limits_of_time_leave_what_was_found() {
     }
 }
 
-/// A curve ends amid a search for arms, on the way and at its start, once the caller says so; from one that never does, nothing differs.
+/// A curve ends within a search for arms, midway or at its start, once the callback says so; a callback that never does changes nothing.
 #[test]
-fn curves_end_amid_a_search_when_asked() {
+fn curves_end_within_a_search_on_request() {
     use semismooth::continuation::{Branch, Continuation, ContinuationError, Direction, Termination};
     use std::ops::ControlFlow;
     use std::sync::atomic::{AtomicUsize, Ordering};
@@ -391,7 +391,7 @@ mod diodes {
 #[test]
 fn undecided_kernels_are_named() {
     use semismooth::continuation::{Branch, ContinuationError, Direction};
-    // Two flows of one demand that cost the same: x₀ + x₁ = α twice, and x₂ apart from them.
+    // Two flows of equal cost share one demand: x₀ + x₁ = α twice, and x₂ is separate.
     let map = MinMap::curve(3, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
         for row in 0..2 {
             a[row] = (x[0] + x[1] - x[3]) * (1.0 + row as f64);
@@ -418,7 +418,7 @@ fn undecided_kernels_are_named() {
         "{text}"
     );
     assert!(!text.contains("more"), "{text}");
-    // Twelve flows of one demand: eight are named.
+    // Twelve flows share one demand: eight are named.
     let map = MinMap::curve(12, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
         for row in 0..12 {
             a[row] = x[..12].iter().sum::<f64>() - x[12];

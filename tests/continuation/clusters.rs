@@ -1,4 +1,4 @@
-//! Kinks that lie close together: each is met where it is, and what leaves is never more than there is.
+//! Kinks that lie close together: each is located exactly, and no spurious arms leave it.
 
 use std::borrow::Cow;
 
@@ -84,7 +84,7 @@ impl PiecewiseSmooth for Kinked {
     }
 }
 
-/// A curve over s = w·x, which cannot branch: 2 to 4 kinks within `spread`, a few others elsewhere.
+/// A curve parametrised by s = w·x, which cannot branch: 2 to 4 kinks within `spread`, a few others elsewhere.
 fn random_graph(random: &mut Random, spread: f64) -> Kinked {
     let n = 1 + random.below(3);
     let w = random.vector(n + 1, 1.0);
@@ -122,7 +122,7 @@ fn random_graph(random: &mut Random, spread: f64) -> Kinked {
     }
 }
 
-/// The point of the curve over s.
+/// The point of the curve at s.
 fn over(map: &Kinked, s: f64) -> Option<Vec<f64>> {
     let mut rows = map.linear.clone();
     rows.push(map.w.clone());

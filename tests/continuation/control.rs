@@ -77,7 +77,7 @@ fn limits_end_a_branch() {
 }
 
 #[test]
-fn the_iterator_can_be_looked_into() {
+fn the_iterator_can_be_inspected() {
     let map = parabola_and_line();
     let mut curve =
         Continuation::new(&map, &[2.4, 4.76], Direction::Decreasing, within((-2.0, 6.0))).unwrap();
@@ -96,7 +96,7 @@ fn the_iterator_can_be_looked_into() {
     curve.stop();
     assert!(curve.next().is_none());
     assert_eq!(curve.termination(), Some(Termination::Stopped));
-    // What is left of a curve can be collected.
+    // The rest of a curve can be collected.
     let mut curve =
         Continuation::new(&map, &[2.4, 4.76], Direction::Decreasing, within((-2.0, 6.0))).unwrap();
     curve.next().unwrap().unwrap();
@@ -151,7 +151,7 @@ fn two_runs_agree_in_every_bit() {
     }
 }
 
-/// A start beyond a bound has no way back to it that is a curve: it is refused by all that follow one.
+/// From a start outside the range no curve leads back to the bound: all functions that follow a curve refuse it.
 #[test]
 fn starts_outside_the_range_are_refused() {
     let map = parabola_and_line();
@@ -173,12 +173,12 @@ fn starts_outside_the_range_are_refused() {
         }
         assert!(arms_at(&map, &x, &within(range)).is_err());
     }
-    // On the bound is inside.
+    // The bound itself is inside.
     let branch = follow(&map, x, Direction::Decreasing, within((-2.0, 4.76)));
     assert!(branch.points.len() > 2 && branch.points.iter().all(|p| map.value(&p.x).abs() < 1e-14));
 }
 
-/// Beyond a bound by rounding is on it, for curves with affine and with curved pieces and for diagrams: nothing outside is a point of any.
+/// A start beyond a bound by rounding is on it, for curves with affine and with curved pieces and for diagrams: no point lies outside.
 #[test]
 fn starts_beyond_a_bound_by_rounding_are_on_it() {
     let line: [fn(f64, f64) -> [f64; 3]; 2] = [|y, a| [y - 2.0 * a, 1.0, -2.0]; 2];
@@ -256,7 +256,7 @@ fn a_target_at_the_end_of_a_step_is_hit_once() {
     assert_eq!(hit[3..], [5.0]);
 }
 
-/// A row that changes its sign from one piece to the next is not continuous: det [∇H; tᵀ] says so where the curve passes.
+/// A row that changes its sign from one piece to the next is not continuous: det [∇H; tᵀ] detects this where the curve passes.
 #[test]
 fn a_row_of_the_other_sign_is_an_error() {
     let map = Plane::two(
@@ -271,7 +271,7 @@ fn a_row_of_the_other_sign_is_an_error() {
     }
 }
 
-/// Transitions within rounding of a bound lie on either side of it; the curve ends on the bound all the same.
+/// Transitions within rounding of a bound may lie on either side of it; the curve ends on the bound in both cases.
 #[test]
 fn curves_end_on_bounds_next_to_transitions() {
     let problem = squares::pushed_block(4, 0.4).unwrap();

@@ -1,4 +1,4 @@
-//! Diagrams: the complete solution sets of the seed's examples, branchings, closed curves, starts that meet.
+//! Diagrams: complete solution sets of the seed's examples, branchings, closed curves, starts on the same curve.
 
 use crate::common;
 use std::ops::ControlFlow;
@@ -155,7 +155,7 @@ fn starts_on_an_edge_cut_it_where_they_lie() {
         let whole = one.edges()[0].points.last().unwrap().arclength;
         for point in one.edges()[0].points.iter().skip(2).step_by(3) {
             let angle = (point.x[0] - centre).atan2(point.x[1] - centre);
-            // The points of the start itself are one vertex.
+            // The start itself is a single vertex.
             if (angle - 0.3).abs() < 0.2 {
                 continue;
             }
@@ -167,7 +167,7 @@ fn starts_on_an_edge_cut_it_where_they_lie() {
                     for pair in edge.points.windows(2) {
                         let [before, after] =
                             [&pair[0].x, &pair[1].x].map(|x| (x[0] - centre, x[1] - centre));
-                        // The tangent of a circle is perpendicular to its radius; steps go one way round.
+                        // The tangent of a circle is perpendicular to its radius; steps keep their sense of rotation.
                         let turned = before.0 * after.1 - before.1 * after.0;
                         let along = -before.1 * pair[0].tangent[0] + before.0 * pair[0].tangent[1];
                         assert!(turned * along > 0.0 && pair[1].arclength > pair[0].arclength);
@@ -197,7 +197,7 @@ fn two_starts_on_a_curve_give_one_component() {
 }
 
 #[test]
-fn limits_are_told() {
+fn limits_are_reported() {
     let circle = smooth(|y, a| y * y + a * a - 1.0);
     let few = DiagramOptions::default().with_max_points(5);
     let diagram = Diagram::explore(&circle, &[[0.8, 0.6]], &few).unwrap();
@@ -216,7 +216,7 @@ fn limits_are_told() {
         DiagramCompleteness::Limited(list) => assert!(list.contains(&Limit::Stopped)),
         other => panic!("{other}"),
     }
-    // A curve that is given up, at its length or at its number of points, leaves a diagram that is not complete.
+    // A curve that is cut off, at its length or at its number of points, leaves a diagram that is not complete.
     let curve = DiagramOptions::default().continuation;
     for inner in [curve.clone().with_max_arclength(0.5), curve.with_max_points(3)] {
         let mut options = DiagramOptions::default();
@@ -231,14 +231,14 @@ fn limits_are_told() {
     assert!(Diagram::explore(&circle, &[[0.8, 0.6]], &outside).is_err());
 }
 
-/// The diagram of one circle is asked with another one, of the same shape.
+/// The diagram of one circle is queried with the map of another one, of the same dimensions.
 #[test]
 fn a_diagram_of_another_map_is_refused() {
     let circle = smooth(|y, a| y * y + a * a - 1.0);
     let larger = smooth(|y, a| y * y + a * a - 1.1);
     let diagram = Diagram::explore(&circle, &[[0.8, 0.6]], &DiagramOptions::default()).unwrap();
     assert_eq!(diagram.solutions_at(&circle, 0.3).unwrap().points.len(), 2);
-    // Points with six digits are points of the diagram.
+    // Points correct to six digits are points of the diagram.
     let rounded = smooth(|y, a| y * y + a * a - 1.000_001);
     let found = diagram.solutions_at(&rounded, 0.3).unwrap();
     assert!(
@@ -254,7 +254,7 @@ fn a_diagram_of_another_map_is_refused() {
     }
 }
 
-/// |y| + α² = 1 met first at a bound of the range or between its bounds, α in any unit: the same arc from bound to bound.
+/// |y| + α² = 1 followed first from a bound of the range or from between its bounds, α in any unit: the same arc from bound to bound.
 #[test]
 fn an_arc_from_bound_to_bound_has_one_diagram() {
     for unit in [1.0, 1e-8, 1e8] {
@@ -288,8 +288,8 @@ fn an_arc_from_bound_to_bound_has_one_diagram() {
     }
 }
 
-/// (y − f)(y − g) = 0, f = 0.3 (α − c) + 0.2 max(α − d, 0) and g = −0.7 (α − c): two lines that cross at c, one with a kink at d; y and α in
-/// units.
+/// (y − f)(y − g) = 0, f = 0.3 (α − c) + 0.2 max(α − d, 0) and g = −0.7 (α − c): two lines that cross at c, one with a kink at d; y and α
+/// in units.
 struct Crossing {
     at: f64,
     kink: f64,
@@ -322,8 +322,8 @@ impl PiecewiseSmooth for Crossing {
     }
 }
 
-/// However short the edges between the crossing, the kink and the bound of α, and whatever the units: each has the one sign of
-/// det ∇_yH = ±(f − g), and none is vertical.
+/// However short the edges between the crossing, the kink and the bound of α, and in all units: each edge has the constant sign of det ∇_yH
+/// = ±(f − g), and none is vertical.
 #[test]
 fn edges_next_to_branch_points_have_the_sign_of_their_determinant() {
     let places = [

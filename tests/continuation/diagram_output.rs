@@ -1,4 +1,4 @@
-//! Diagrams from all solutions at chosen parameters, against brute force over all selections; and what is written of them.
+//! Diagrams from all solutions at chosen parameters, against brute force over all selections; and their output.
 
 use std::ops::ControlFlow;
 
@@ -46,8 +46,8 @@ struct Segment {
     ends: [Vec<f64>; 2],
 }
 
-/// The solution set in `RANGE` by trying all selections: each has one solution y(α), affine in α, that is one where it lies in
-/// its cell.
+/// The solution set in `RANGE` by trying all selections: each has one solution y(α), affine in α, which solves H = 0 where it lies in the
+/// cell of the selection.
 fn segments(map: &CondensedContact<PlanarCoulomb>) -> Vec<Segment> {
     let n = map.num_residuals();
     let mut list = Vec::new();
@@ -106,7 +106,7 @@ fn near(a: &[f64], b: &[f64]) -> bool {
     a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-8)
 }
 
-/// Chains of segments that meet in their ends, and which of them are closed.
+/// Chains of segments that share end points, and which of them are closed.
 fn chains(list: &[Segment]) -> (usize, usize) {
     let mut seen = vec![false; list.len()];
     let (mut count, mut closed) = (0, 0);
@@ -238,7 +238,8 @@ fn certificates_fail_exactly_at_folds() {
     }
 }
 
-/// An observer is told of each section and of every event on the curves; once it has stopped it is not asked again, and what is missing is told.
+/// An observer is called for each section and for each event on the curves; once it has stopped it is not called again, and the missing
+/// part is reported.
 #[test]
 fn sections_are_observed() {
     let (map, none) = (three_nodes(), EnumerationOptions::default());
@@ -285,7 +286,7 @@ fn sections_are_observed() {
 }
 
 #[test]
-fn a_section_that_is_not_complete_is_told() {
+fn a_section_that_is_not_complete_is_reported() {
     let options = DiagramOptions::default().with_parameter_range(RANGE);
     let few = EnumerationOptions::default().with_max_nodes(3);
     let diagram = Diagram::explore_sections(&three_nodes(), &[0.0], &options, &few).unwrap();
@@ -326,7 +327,7 @@ fn circle() -> (impl PiecewiseSmooth, Diagram) {
     (map, diagram)
 }
 
-/// A section through a point of an edge, or next to one within what tells parameters apart, meets it once.
+/// A section through a point of an edge, or within the tolerance at which parameters count as equal, meets it once.
 #[test]
 fn sections_at_points_of_edges_meet_them_once() {
     let (map, diagram) = circle();
@@ -399,7 +400,7 @@ fn the_table_holds_every_point() {
 
 #[cfg(feature = "json")]
 #[test]
-fn the_object_says_what_the_diagram_says() {
+fn the_json_object_agrees_with_the_diagram() {
     use semismooth::output::write_diagram_json;
     let map = three_nodes();
     let options = DiagramOptions::default().with_parameter_range((f64::NEG_INFINITY, 4.0));
@@ -517,7 +518,7 @@ fn tables_in_words() {
     // y < 0 on one side of the fold, y > 0 on the other.
     for (e, edge) in edges.iter().enumerate() {
         let y = edge.points[edge.points.len() / 2].x[0];
-        // The map is max(−(α − y), −(α + y)) or the like: its sign tells which.
+        // The map is max(−(α − y), −(α + y)) or its negative, according to its sign.
         let words: Vec<&str> = lines[3 + vertices.len() + e].split_whitespace().collect();
         let expected = [e, edge.from.vertex, edge.to.vertex, edge.points.len()].map(|k| k.to_string());
         assert_eq!(words[..4], expected, "{text}");
@@ -525,7 +526,7 @@ fn tables_in_words() {
     }
 }
 
-/// What a diagram that was cut short says of itself.
+/// What an incomplete diagram reports about itself.
 #[test]
 fn limits_in_words() {
     use semismooth::continuation::Termination;
@@ -556,7 +557,7 @@ fn limits_in_words() {
         list.to_string(),
         "incomplete: limit on edges; tends to infinity at vertex 3"
     );
-    // A run that meets its limits says the same.
+    // A run that reaches its limits reports the same.
     let (map, _) = circle();
     let few = DiagramOptions::default().with_max_points(5);
     let cut = Diagram::explore(&map, &[[0.8, 0.6]], &few).unwrap();

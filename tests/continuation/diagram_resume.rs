@@ -1,4 +1,4 @@
-//! Explorations that are stopped anywhere and resumed give the diagram of an undisturbed one.
+//! Explorations that are stopped anywhere and resumed give the diagram of an uninterrupted one.
 
 use crate::common;
 use std::ops::ControlFlow;
@@ -9,7 +9,7 @@ use semismooth::piecewise::{MinMap, PiecewiseSmooth};
 
 const NONE: [[f64; 1]; 0] = [];
 
-/// Through a file, where there is a format.
+/// Written to a file format and read back, if there is one.
 fn stored(diagram: Diagram) -> Diagram {
     #[cfg(feature = "serde")]
     {
@@ -22,7 +22,7 @@ fn stored(diagram: Diagram) -> Diagram {
     diagram
 }
 
-/// What does not depend on where curves were cut.
+/// Compares what does not depend on where curves were cut.
 fn compare<P: PiecewiseSmooth>(map: &P, found: &Diagram, whole: &Diagram, context: &str) {
     assert!(found.completeness().is_complete(), "{context}: {found}");
     assert_eq!(
@@ -60,7 +60,7 @@ fn compare<P: PiecewiseSmooth>(map: &P, found: &Diagram, whole: &Diagram, contex
     }
 }
 
-/// Stops after every `stride`-th number of events and resumes, once and again.
+/// Stops after every `stride`-th event and resumes, repeatedly.
 fn check<P: PiecewiseSmooth>(map: &P, starts: &[Vec<f64>], options: &DiagramOptions, stride: usize) {
     let mut events = 0;
     let whole = Diagram::explore_observed(map, starts, options, |_| {
@@ -98,7 +98,7 @@ fn check<P: PiecewiseSmooth>(map: &P, starts: &[Vec<f64>], options: &DiagramOpti
         assert!(rounds < events, "no progress");
     }
     compare(map, &diagram, &whole, "in slices");
-    // What is complete stays as it is.
+    // A complete diagram stays as it is.
     let again = diagram.clone().resume(map, &NONE, options).unwrap();
     assert_eq!(again, diagram);
 }

@@ -1,4 +1,4 @@
-//! Curves in the plane, turned, in other units, among further unknowns.
+//! Curves in the plane, rotated, in other units, among further unknowns.
 
 use crate::dense::{dot, eliminate};
 use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
@@ -19,13 +19,13 @@ pub(crate) struct Embedded<P> {
     mix: Vec<Vec<f64>>,
 }
 
-/// `count` random cases, or as many as PROPTEST_CASES asks for where these are more.
+/// `count` random cases, or PROPTEST_CASES if that is larger.
 pub(crate) fn cases(count: u64) -> u64 {
     let asked = std::env::var("PROPTEST_CASES").ok().and_then(|v| v.parse().ok());
     asked.unwrap_or(0).max(count)
 }
 
-/// What a function of the plane is embedded in.
+/// The embedding of a function of the plane.
 #[derive(Clone, Copy)]
 pub(crate) struct Setting {
     pub(crate) residuals: usize,

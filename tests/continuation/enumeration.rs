@@ -42,8 +42,8 @@ fn compare<V: View>(map: &Contact<V, PlanarCoulomb>, case: &common::Case) {
         let context = format!("{} at {alpha}: {:?}", case.name, letters(map, &set));
         assert_eq!(set.completeness, Completeness::Complete, "{context}");
         if !representable {
-            // A transition at 14/3 lies a hair beside the number next to it: fewer selections meet there, and a fold has two solutions or
-            // none.
+            // The floating-point number nearest to a transition at 14/3 lies beside it: fewer selections meet there, and a fold has two
+            // solutions or none.
             let stored = |s: &String| {
                 list.iter()
                     .any(|l| l["all_states"].as_array().unwrap().iter().any(|w| w == s))
@@ -276,7 +276,7 @@ fn many_nodes() {
 }
 
 #[test]
-fn a_cap_is_said() {
+fn a_list_cut_off_by_the_limit_says_so() {
     let map = friction(8, 0, &mut Random::new(3)).condensed().unwrap();
     let set = all_solutions(&map, 0.0, &EnumerationOptions::default().with_max_nodes(6)).unwrap();
     let Completeness::Incomplete { examined, total } = set.completeness else {
@@ -284,7 +284,7 @@ fn a_cap_is_said() {
     };
     assert_eq!(total, 65536.0);
     assert!(examined < total);
-    // What was examined never falls as more nodes are allowed, up to all there is.
+    // The number of examined selections does not decrease as more nodes are allowed, up to all of them.
     let mut before = 0.0;
     for nodes in [1, 2, 4, 8, 16, 32, 64, 128] {
         let options = EnumerationOptions::default().with_max_nodes(nodes);
@@ -300,7 +300,7 @@ fn a_cap_is_said() {
     }
 }
 
-/// A piece with the same derivatives everywhere and another constant in between is none that is affine.
+/// A piece with constant derivatives but different constants is not affine.
 #[test]
 fn pieces_with_steps_are_refused() {
     let map = |height: f64| {
@@ -400,7 +400,7 @@ fn branching_with_a_vertical_segment() {
     );
 }
 
-/// A map of which nothing is known but its values and derivatives.
+/// A map that provides nothing but its values and derivatives.
 #[cfg(feature = "autodiff")]
 mod opaque {
     use super::*;
@@ -418,7 +418,7 @@ mod opaque {
         }
     }
 
-    /// Seven kinks in two rows: added up, or each within the next.
+    /// Seven kinks in two rows: a sum, or each nested in the next.
     struct Seven {
         weights: Vec<f64>,
         nested: bool,
@@ -478,7 +478,7 @@ mod opaque {
                 assert!(wanted.iter().any(near), "case {case}");
             }
             several += usize::from(wanted.len() > 1);
-            // One by one where each kink holds the one before: nothing is added up.
+            // One by one where the kinks are nested: nothing is a sum.
             assert_eq!(
                 nested,
                 set.nodes == 128 && set.pivots == 0,
@@ -498,7 +498,7 @@ mod opaque {
     }
 }
 
-/// A = I + GᵀG, contact of dofs (2i, 2i + 1), condensed: the shape of the problems that are fuzzed.
+/// A = I + GᵀG, contact of displacements (2i, 2i + 1), condensed: the shape of the fuzzed problems.
 fn fuzzed(g: [[f64; 6]; 6], load: [[f64; 6]; 2], friction: [f64; 3]) -> CondensedContact<PlanarCoulomb> {
     let entry = |i: usize, j: usize| g.iter().map(|g| g[i] * g[j]).sum::<f64>() + f64::from(u8::from(i == j));
     let a: Vec<Vec<f64>> = (0..6).map(|i| (0..6).map(|j| entry(i, j)).collect()).collect();
@@ -516,8 +516,8 @@ fn fuzzed(g: [[f64; 6]; 6], load: [[f64; 6]; 2], friction: [f64; 3]) -> Condense
     problem.unwrap().condensed().unwrap()
 }
 
-/// r = 1 is an eigenvalue of the condensed problem: with F = 1 a test function of the third node vanishes identically, gradient and
-/// all, but for rounding. Found by fuzzing: at α = 0 the only solution was dropped.
+/// r = 1 is an eigenvalue of the condensed problem: with F = 1 a test function of the third node vanishes identically, including its
+/// gradient, up to rounding. Found by fuzzing: the only solution at α = 0 must be listed.
 #[test]
 fn test_functions_that_vanish_everywhere() {
     let g = [
@@ -540,8 +540,8 @@ fn test_functions_that_vanish_everywhere() {
     }
 }
 
-/// A direction 10⁹ times stiffer than the others: a gap of 1e-10 decides over a force of 10⁶. Found by fuzzing: the list held a
-/// solution that is one by tolerance alone. In rational arithmetic there is one, with slip−, open, slip+.
+/// A direction 10⁹ times stiffer than the others: a gap of 1e-10 decides over a force of 10⁶. Found by fuzzing: points that are solutions
+/// within the tolerance only must not be listed. In rational arithmetic there is one solution, with slip−, open, slip+.
 #[test]
 fn a_direction_a_billion_times_stiffer() {
     let s = -0.0625;
@@ -600,7 +600,7 @@ impl PiecewiseSmooth for TwoRoofs {
     }
 }
 
-/// Where a residual depends on two degenerate sites nothing is ruled out early: all selections are tried, as many as may be.
+/// Where a residual depends on two degenerate sites nothing is ruled out early: all selections are tried, up to the limit.
 #[test]
 fn arms_where_residuals_share_sites() {
     let arms = |map: &TwoRoofs, cap: u64| {
@@ -635,7 +635,7 @@ fn arms_where_residuals_share_sites() {
             };
             assert_eq!((&arm.det_signs, arm.selections.len()), (&signs, cells));
         }
-        // Both arms have growing α; their indices cancel, as there is none with falling α.
+        // Both arms have increasing α; their indices cancel, as no arm has decreasing α.
         assert_eq!(found.orientation, Some((0, 0)));
         let capped = arms(&map, 2);
         assert!(
@@ -649,7 +649,7 @@ fn arms_where_residuals_share_sites() {
     }
 }
 
-/// Solutions that fill a square, an edge of it, or that would lie on a line outside the cell of their selection.
+/// Solutions that fill a square or an edge of it, or a line that would lie outside the cell of its selection.
 #[test]
 fn continua_in_a_box() {
     let solve = |m: [[f64; 2]; 2], q: [f64; 2]| {
@@ -661,7 +661,7 @@ fn continua_in_a_box() {
     assert_eq!(square.index_sum, None);
     let largest = square.continua.iter().map(|c| c.dimension).max();
     assert_eq!(largest, Some(2), "{:?}", square.continua);
-    // The second component wants to be 5 and rests at its bound; the first is free.
+    // The unconstrained value of the second component is 5, so that it is at its bound; the first is free.
     let edge = solve([[0.0, 0.0], [0.0, 1.0]], [0.0, -5.0]);
     assert_eq!(
         (edge.continua.len(), edge.index_sum),
@@ -675,7 +675,7 @@ fn continua_in_a_box() {
     assert_eq!(ends, [[0.0, 1.0], [1.0, 1.0]]);
 }
 
-/// A slope that changes by a few parts in a million, seen from two points, is none of a piece that is affine.
+/// A slope that varies by a few parts in a million between two points does not belong to an affine piece.
 #[test]
 fn pieces_that_are_slightly_curved_are_refused() {
     let map = |bend: f64| {

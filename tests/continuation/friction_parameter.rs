@@ -77,7 +77,7 @@ fn three_solutions_and_a_nonsmooth_fold_in_friction() {
     );
     assert!(fold.complete);
 
-    // No step leaves the branch: every point is the exact solution of its state at its F.
+    // Steps do not leave the branch: each point is the exact solution of its state at its F.
     let mut seen = Vec::new();
     for point in &branch.points {
         let alpha = point.parameter();
@@ -99,7 +99,7 @@ fn three_solutions_and_a_nonsmooth_fold_in_friction() {
     let last = &branch.points.last().unwrap().x;
     assert!(last.iter().zip(&starts[2]).all(|(a, b)| (a - b).abs() < 1e-9));
 
-    // Uniqueness is certified on both sides of the fold and fails in it.
+    // Uniqueness is certified on both sides of the fold and fails at it.
     let load = map.load_derivative().unwrap();
     assert!(fold.certify(&map, &load, &options).unwrap().fails());
     for x in &starts {
@@ -162,7 +162,8 @@ fn load_and_friction_together_along_a_smooth_path() {
     }
 }
 
-/// Coefficients that vary from node to node: the branch of the two-node example along F = (α, β(α)) against each point solved alone.
+/// Coefficients that vary from node to node: the branch of the two-node example along F = (α, β(α)) against independent solves at each
+/// point.
 #[test]
 fn friction_that_differs_between_nodes() {
     let case = common::cases().into_iter().find(|c| c.name == "p2_ex1").unwrap();

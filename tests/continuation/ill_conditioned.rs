@@ -1,4 +1,5 @@
-//! Curves whose Jacobians are nearly singular throughout: points are known to fewer digits than they have, and that must cost nothing.
+//! Curves whose Jacobians are nearly singular throughout: points are accurate to fewer digits than are stored, and this must not cost more
+//! steps.
 
 use super::maps::two_pieces;
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
@@ -52,7 +53,7 @@ impl PiecewiseSmooth for Hilbert {
 }
 
 #[test]
-fn factors_serve_on_where_steps_are_rounding() {
+fn factors_are_reused_where_corrections_are_rounding() {
     let start = [vec![0.01; ORDER], vec![0.1]].concat();
     let options = ContinuationOptions::default().with_parameter_range((0.0, 5.0));
     let branch = Branch::follow(&Hilbert, &start, Direction::Increasing, options).unwrap();

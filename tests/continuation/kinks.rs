@@ -309,7 +309,7 @@ fn a_sparse_string() {
         assert_eq!(branch.termination, Termination::ParameterRange);
         assert_eq!(branch.transitions.len(), expected.len());
         for (t, (alpha, site)) in branch.transitions.iter().zip(&expected) {
-            // The condition number of K, (2n/π)², is what rounding is amplified by.
+            // Rounding is amplified by the condition number of K, (2n/π)².
             let tolerance = 10.0 * f64::EPSILON * (n as f64).powi(2);
             assert!(
                 (t.parameter() - alpha).abs() <= tolerance * alpha,
@@ -324,7 +324,7 @@ fn a_sparse_string() {
     }
 }
 
-/// At a kink rows are replaced beside the factors at hand, of sparse matrices, too.
+/// At a kink rows are replaced by updating the existing factors, also for sparse matrices.
 #[test]
 fn kinks_of_sparse_maps_need_no_new_factors() {
     for n in [99, 299, 999] {
@@ -351,8 +351,8 @@ fn kinks_of_sparse_maps_need_no_new_factors() {
     }
 }
 
-/// Two lines cross on the facet at which the piece changes: where a corrector knows half the digits only, the extended system of the
-/// branch point knows all.
+/// Two lines cross on the facet at which the piece changes: there a corrector is accurate to half the digits only, the extended system of
+/// the branch point to all.
 #[test]
 fn facets_met_at_branch_points_are_located_to_rounding() {
     fn crossing(y: f64, alpha: f64) -> [f64; 3] {

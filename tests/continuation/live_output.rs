@@ -1,4 +1,4 @@
-//! Tables of runs that are killed: all but the step under way is there.
+//! Tables of runs that are killed: everything except the current step has been written.
 
 use crate::common;
 use crate::maps::two_pieces;
@@ -12,7 +12,7 @@ use semismooth::output::{Column, CsvWriter, OutputError, write_csv};
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
-/// A file as another process sees it: what has been flushed. Fails from a given size on.
+/// A file as another process sees it: the flushed part. Writing fails from a given size on.
 #[derive(Clone)]
 struct Disk {
     buffer: Rc<RefCell<Vec<u8>>>,
@@ -84,7 +84,7 @@ fn every_event_is_flushed_before_the_next() {
 }
 
 #[test]
-fn a_full_disk_is_told_at_once() {
+fn a_full_disk_is_reported_at_once() {
     let (map, x) = problem();
     let disk = Disk::new(1000);
     let mut writer = CsvWriter::new(disk, &map, columns()).unwrap();
@@ -94,7 +94,7 @@ fn a_full_disk_is_told_at_once() {
     assert!(matches!(failed, Some(Err(OutputError::Io { .. }))));
 }
 
-/// Wherever a file is cut, the lines that are whole are those of the first events.
+/// Wherever a file is cut, its complete lines are those of the first events.
 #[cfg(feature = "json")]
 #[test]
 fn a_file_that_is_cut_off_loses_its_last_line() {
@@ -115,7 +115,7 @@ fn a_file_that_is_cut_off_loses_its_last_line() {
         let text = String::from_utf8_lossy(&file[..cut]);
         let whole = ends.iter().filter(|e| **e < cut).count();
         let read: Vec<_> = text.lines().map_while(|l| parse(l).ok()).collect();
-        // A cut right before the end of a line costs nothing.
+        // A cut right before the end of a line loses nothing.
         assert!(read.len() == whole || (read.len() == whole + 1 && ends[whole] == cut));
     }
     for (line, event) in String::from_utf8(file).unwrap().lines().zip(&events) {
@@ -257,7 +257,7 @@ fn every_kind_of_event_is_written() {
     assert_eq!(String::from_utf8(whole).unwrap(), table);
 }
 
-/// Killed, read back, resumed: the table is that of the run that was never killed.
+/// Killed, read back, resumed: the table is that of the uninterrupted run.
 #[cfg(feature = "serde")]
 #[test]
 fn table_and_state_together() {

@@ -1,4 +1,4 @@
-//! Arms at points with more degenerate sites than a complete search may take: found locally, never called complete.
+//! Arms at points with more degenerate sites than a complete search can handle: found locally, never called complete.
 
 use semismooth::contact::{
     CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb, read_folder,
@@ -65,7 +65,7 @@ fn many_degenerate_sites() {
         // Three directions at each of two nodes where α grows; a single one, opening, where it falls.
         assert_eq!(by_sign(&found), (9, 1), "p = {p}");
         assert_eq!(found.orientation, Some((1, 1)));
-        // The same by the continuation, which says that it does not know.
+        // The same by the continuation, which reports that the list may be incomplete.
         let (arms, complete) = arms_at(&map, &x, &ContinuationOptions::default().with_max_nodes(3)).unwrap();
         assert_eq!((arms.len(), complete), (10, false));
     }
@@ -92,7 +92,8 @@ fn no_local_starts_no_arms() {
     assert_eq!((arms.len(), complete), (0, false));
 }
 
-/// Three directions at each of some nodes, independent of each other: a single start finds more than one, by what differs at one node.
+/// Three directions at each of some nodes, independent of each other: a single start finds more than one arm, by varying one node at a
+/// time.
 #[test]
 fn neighbours_of_an_arm_are_tried() {
     for multiple in [1, 2, 3] {
@@ -107,7 +108,7 @@ fn neighbours_of_an_arm_are_tried() {
 }
 
 #[test]
-fn a_diagram_says_that_arms_may_miss() {
+fn a_diagram_reports_that_arms_may_be_missing() {
     let map = unloaded(20, 1);
     let mut options = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
     options.continuation.max_nodes = 3;

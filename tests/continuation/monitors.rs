@@ -1,4 +1,4 @@
-//! Functions of the user watched along a curve: zeros where they are, once each, and nothing else changes.
+//! Functions of the user monitored along a curve: each zero is found once, where it is, and nothing else changes.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,7 +9,7 @@ use semismooth::piecewise::{MinMap, PiecewiseSmooth};
 
 type Rows = fn(&[f64], &mut [f64], &mut [f64]);
 
-/// α = |y|: affine pieces for MinMap are not known to be so; the curve is followed by steps.
+/// α = |y|: `MinMap` does not declare its pieces affine, so that the curve is followed by steps.
 fn wedge() -> MinMap<Rows> {
     MinMap::curve(1, |x, a, b| {
         a[0] = x[1] - x[0];
@@ -127,7 +127,7 @@ mod polygons {
 
     use super::*;
 
-    /// On affine pieces the way from kink to kink is straight, and a curved function may vanish anywhere on it.
+    /// On affine pieces the curve from kink to kink is straight, and a nonlinear monitor may vanish anywhere on it.
     #[test]
     fn zeros_between_the_kinks_of_a_load_path() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/vee");
@@ -137,7 +137,7 @@ mod polygons {
         let start = || Continuation::new(&map, &x, Direction::Increasing, options()).unwrap();
         let without = plain(start());
         let p = map.num_sites();
-        // The pressures of the nodes, summed, in squares.
+        // The sum of the squared pressures of the nodes.
         let pressure = move |x: &[f64]| x[..p].iter().map(|v| v * v).sum::<f64>();
         let value = 0.5 * pressure(&without.points.last().unwrap().x);
         let with = plain(start().with_monitor("pressure", move |x| pressure(x) - value));
@@ -145,7 +145,7 @@ mod polygons {
         for (a, b) in with.transitions.iter().zip(&without.transitions) {
             assert!((a.parameter() - b.parameter()).abs() < 1e-11);
         }
-        // As often as a dense walk over the polygon without monitors sees it.
+        // As many zeros as a dense sampling of the polygon without monitors shows.
         let corners: Vec<&[f64]> = without.polyline().into_iter().map(|c| c.1).collect();
         let mut crossings = Vec::new();
         for ends in corners.windows(2) {
@@ -173,7 +173,7 @@ mod polygons {
     }
 }
 
-/// Interrupted at any event, also at the zero itself, a run goes on as if nothing had happened.
+/// Interrupted at any event, also at the zero itself, a run resumes as if uninterrupted.
 #[test]
 fn resumed_runs_know_the_side() {
     let map = circle();

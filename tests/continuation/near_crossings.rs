@@ -1,5 +1,5 @@
-//! Curves that pass each other and curves that cross, at random: gaps down to 1e-10 of their length, in the plane, turned, in other
-//! units, among further unknowns. PROPTEST_CASES runs more.
+//! Curves that pass each other and curves that cross, at random: gaps down to 1e-10 of their length, in the plane, rotated, in other units,
+//! among further unknowns. PROPTEST_CASES runs more.
 
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
@@ -49,7 +49,7 @@ impl Plane for Curves {
 }
 
 impl Crossing {
-    /// Which of the curves a point lies on: on neither does the sign of this factor change.
+    /// Which of the curves a point lies on: this factor keeps its sign along each of them.
     fn side(&self, z: &[f64]) -> f64 {
         let u = self.unknowns(z);
         match self.plane.pair {
@@ -58,7 +58,7 @@ impl Crossing {
         }
     }
 
-    /// The point z of the curve next to (y, α), moved along α or y.
+    /// The point z of the curve near (y, α), moved along α or y.
     fn point(&self, mut y: f64, mut alpha: f64) -> Vec<f64> {
         for _ in 0..50 {
             let [f, dy, da] = self.plane.at(y, alpha);
@@ -112,7 +112,7 @@ fn follow(setting: Setting, k: u64, gap: f64) -> (Crossing, Vec<f64>, Branch) {
     (map, x, branch)
 }
 
-/// No branch point is reported where there is none, and no curve is left for the one that passes nearby.
+/// No spurious branch point is reported, and no curve is left for one that passes nearby.
 fn passes(setting: Setting, count: u64) {
     for k in 0..cases(count) {
         let gap = 10f64.powi(-4 - (k / 18 % 7) as i32);
@@ -193,9 +193,10 @@ fn curves_cross() {
     }
 }
 
-/// Where no unit of y is told, curves 1e-6 of its size apart in angle may end in a doubt, never on the other curve, nor off their own.
+/// Where the unit of y is not given, curves may lie within an angle of 1e-6: runs may end in doubt, but never on the other curve or off
+/// both.
 #[test]
-fn units_that_are_not_told() {
+fn units_that_are_not_given() {
     for k in 0..600 {
         let unit = [1e-6, 1e-4, 1e6][k as usize % 3];
         let setting = Setting { unit, ..PLANE };
@@ -217,7 +218,7 @@ fn units_that_are_not_told() {
     }
 }
 
-/// y₀² = α² + ε and y₁ = y₀ − α, the equations in either order: two branches that pass each other, whichever row tells.
+/// y₀² = α² + ε and y₁ = y₀ − α, the equations in either order: two branches that pass each other, whichever row shows it.
 struct Beside {
     gap: f64,
     first: usize,
@@ -239,7 +240,7 @@ impl PiecewiseSmooth for Beside {
 }
 
 #[test]
-fn a_gap_is_told_by_whichever_row() {
+fn a_gap_is_seen_in_either_row() {
     for gap in [1e-3, 1e-5, 1e-7, 1e-9, 0.0] {
         for first in [0, 1] {
             let map = Beside { gap, first };
@@ -250,7 +251,7 @@ fn a_gap_is_told_by_whichever_row() {
             assert_eq!(crossings, usize::from(gap == 0.0), "{gap:e} {first}");
             let end = &branch.points.last().unwrap().x;
             assert_eq!(branch.termination, Termination::ParameterRange);
-            // Straight on where they cross, along the own branch where they do not.
+            // Straight on where the curves cross, along the same branch where they do not.
             let sign = if gap == 0.0 { -1.0 } else { 1.0 };
             assert!((end[0] - sign * y).abs() < 1e-10, "{gap:e} {first}: {end:?}");
         }

@@ -22,7 +22,7 @@ impl NonsmoothFunction for Nested {
         let (y, z) = (x[0], x[1]);
         let zero = T::from(0.0);
         let (h, g) = match self.0 {
-            // Three kinks at y = 1: on one side the arguments of two vanish identically.
+            // Three kinks at y = 1: on one side two of the arguments vanish identically.
             0 => {
                 let first = kinks.positive_part(y - 1.0);
                 let second = kinks.positive_part(first);
@@ -36,7 +36,7 @@ impl NonsmoothFunction for Nested {
                 let same = kinks.min(size, y);
                 (same + twice, y + z * 0.25)
             }
-            // A test function that vanishes everywhere.
+            // A test function that vanishes identically.
             2 => {
                 let nothing = kinks.abs(y * 0.7 + y * -0.7);
                 (kinks.abs(y - 1.0) + nothing, z * 0.5 + y)
@@ -47,7 +47,7 @@ impl NonsmoothFunction for Nested {
                 let near = kinks.max(y, T::from(0.5));
                 (kinks.abs(touching) + near, z + y * 3.0)
             }
-            // A site without use beside a curve that gets steep where a kink has been passed.
+            // A site without effect beside a curve that becomes steep after a kink.
             _ => {
                 let idle = kinks.min(y, y);
                 let v = y * 2.0 - 0.85 + (idle - y);
@@ -151,7 +151,7 @@ fn sites_that_stay_degenerate_are_named() {
     }
 }
 
-/// Sums of projections, absolute values, maxima and minima of each other, drawn at random; `steps` names operands among what is there.
+/// Random compositions of projections, absolute values, maxima and minima; `steps` name their operands among the earlier values.
 struct Drawn(Vec<(usize, usize, usize, f64)>);
 
 impl Drawn {
@@ -205,7 +205,7 @@ impl NonsmoothFunction for Drawn {
     }
 }
 
-/// A graph of [`Drawn`] whose steps are bent, so that slopes vary and rounding is everywhere.
+/// A graph of [`Drawn`] whose steps are curved, so that slopes vary and rounding is everywhere.
 struct Bent(Drawn);
 
 impl Bent {
@@ -252,7 +252,7 @@ impl NonsmoothFunction for Bent {
     }
 }
 
-/// Arms there run in the boundaries of cells to first order, and bend away from them.
+/// There arms run in the boundaries of cells to first order, and curve away from them.
 #[test]
 fn bent_graphs_of_nested_kinks_are_followed_to_their_end() {
     let seeds = std::env::var("SEEDS").map_or(400, |s| s.parse().unwrap());
@@ -285,7 +285,7 @@ fn bent_graphs_of_nested_kinks_are_followed_to_their_end() {
     }
 }
 
-/// A graph of [`Drawn`] with 6.1 y more.
+/// A graph of [`Drawn`] plus 6.1 y.
 struct Rising(Drawn);
 
 impl NonsmoothFunction for Rising {
@@ -301,7 +301,7 @@ impl NonsmoothFunction for Rising {
     }
 }
 
-/// Along these some test function vanishes, up to rounding, which is no reason to leave a piece.
+/// Along these graphs some test function vanishes up to rounding, which is no reason to leave a piece.
 #[test]
 fn rounding_of_test_functions_that_vanish_is_no_kink() {
     for seed in [1098, 1715, 1838, 1881, 2071, 2931, 3794, 4717, 4762, 4985, 5607].map(|k| 7919 * k) {
@@ -324,7 +324,7 @@ fn rounding_of_test_functions_that_vanish_is_no_kink() {
     }
 }
 
-/// All numbers are multiples of a power of ½, so that slopes by differences between kinks are exact.
+/// All numbers are multiples of a power of ½, so that difference quotients between kinks are exact.
 #[test]
 fn graphs_of_random_nested_kinks_have_their_jumps_and_nothing_else() {
     let mut followed = 0;
@@ -453,9 +453,9 @@ fn a_list_of_arms_cut_off_by_the_limit_is_not_called_complete() {
     }
 }
 
-/// Where the limit leaves no selection that goes on, that is not known to be an end.
+/// Where the limit leaves no selection to continue with, the point is not known to be an end.
 #[test]
-fn a_curve_whose_arms_were_not_all_looked_at_has_no_known_end() {
+fn a_curve_whose_arms_were_not_all_examined_has_no_known_end() {
     let options = ContinuationOptions::default()
         .with_parameter_range((-4.0, 3.0))
         .with_max_selections(1)

@@ -1,4 +1,4 @@
-//! The same input gives the same bits: run after run, alone or beside other threads.
+//! The same input gives the same bits: run after run, alone or concurrently with other threads.
 
 use crate::squares;
 use std::fmt::Debug;
@@ -16,12 +16,12 @@ use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sparse::Matrix;
 
-/// What a computation gives, with all digits of all numbers.
+/// The result of a computation, with all digits of all numbers.
 fn digits(value: &impl Debug) -> String {
     format!("{value:?}")
 }
 
-/// Once, again, and in three threads at the same time.
+/// Computes once, again, and in three threads at the same time.
 fn repeated(compute: impl Fn() -> String + Sync) {
     let first = compute();
     assert!(first.len() > 20, "{first}");

@@ -1,4 +1,4 @@
-//! Runs interrupted after any event go on as if nothing had happened.
+//! Runs interrupted after any event resume as if uninterrupted.
 #![cfg(feature = "serde")]
 
 use crate::common;
@@ -47,7 +47,7 @@ fn check<P: PiecewiseSmooth>(
         assert_eq!(counts[1].2, whole.termination());
         let joined: Events = before.into_iter().chain(after).collect();
         if map.is_piecewise_affine() {
-            // Saving renews the factors: the same events, to rounding.
+            // Saving recomputes the factors: the same events, to rounding.
             assert_eq!(joined.len(), events.len(), "after {k} events");
             for (a, b) in joined.iter().zip(&events) {
                 let (a, b) = (a.as_ref().unwrap(), b.as_ref().unwrap());
@@ -102,7 +102,7 @@ fn the_examples_of_the_seed() {
     assert!(transitions >= 7, "{transitions}");
 }
 
-/// Many kinks between affine pieces, whose factors are kept from one to the next.
+/// Many kinks between affine pieces, whose factors are updated from one to the next.
 #[cfg(feature = "json")]
 #[test]
 fn a_load_path() {
@@ -169,7 +169,7 @@ fn limits_can_be_raised() {
     assert_eq!(run.termination(), Some(Termination::MaxPoints));
     let saved = run.save().unwrap();
     assert_eq!(Continuation::resume(&circle, &saved).unwrap().count(), 0);
-    // What the state tells is that of the last event.
+    // The state reports the last event.
     let last = events.last().unwrap().as_ref().unwrap();
     assert_eq!(
         (saved.x(), saved.parameter(), saved.arclength()),
@@ -210,7 +210,7 @@ fn states_of_other_maps_are_refused() {
         Continuation::resume(&other.problem, &saved),
         Err(ContinuationError::Map(_))
     ));
-    // Damaged states: a piece that is none, a point that is not finite, an option out of range.
+    // Damaged states: an invalid piece, a point that is not finite, an option out of range.
     let json = serde_json::to_value(&saved).unwrap();
     let damaged = |path: &[&str], value: serde_json::Value| {
         let mut json = json.clone();
@@ -236,9 +236,9 @@ fn states_of_other_maps_are_refused() {
     assert!(serde_json::from_value::<SavedRun>(serde_json::json!({})).is_err());
 }
 
-/// A circle that has been followed once around has no more points, whatever limits are raised.
+/// A circle that has been followed once around has no more points, even if limits are raised.
 #[test]
-fn curves_at_their_end_are_not_taken_up_again() {
+fn curves_at_their_end_are_not_continued() {
     let circle = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
         a[0] = x[0] * x[0] + x[1] * x[1] - 1.0;
         b[0] = 1e9;

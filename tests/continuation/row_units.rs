@@ -50,7 +50,7 @@ fn obstacle(units: Vec<f64>) -> Mcp<Autodiff<Bratu>> {
     Mcp::new(Autodiff::new(Bratu { units }), vec![f64::NEG_INFINITY; N], upper).unwrap()
 }
 
-/// A map with its rows multiplied.
+/// A map with scaled rows.
 struct Rows<M> {
     map: M,
     factors: Vec<f64>,
@@ -114,7 +114,7 @@ fn rows_of_the_map_in_any_units() {
     }
 }
 
-/// The natural map of F has a facet where x − F(x) meets a bound: F in large units must not drown x.
+/// The natural map of F has a facet where x − F(x) meets a bound: large units of F must not swamp x.
 #[test]
 fn forces_in_any_units() {
     let expected = located(&obstacle(vec![((N + 1) as f64).powi(-2); N]));

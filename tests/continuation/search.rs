@@ -1,4 +1,4 @@
-//! Searches for solutions where no complete enumeration is asked for: what they find is compared with complete lists.
+//! Searches for solutions without complete enumeration: their results are compared with complete lists.
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -146,7 +146,7 @@ fn curved_pieces() {
 }
 
 #[test]
-fn each_way_finds_on_its_own() {
+fn each_method_finds_solutions_alone() {
     let map = cubics(&[0.1]);
     let off = SearchOptions::default()
         .with_starts(0)

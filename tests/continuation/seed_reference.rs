@@ -8,7 +8,7 @@ use semismooth::interface::View;
 
 const WINDOW: (f64, f64) = (-12.0, 25.0);
 
-/// A parameter inside the first piece of a chain and the direction towards its leaving end.
+/// A parameter inside the first piece of a chain, and the direction towards the end at which the chain leaves it.
 fn start_of(chain: &[Link], vertices: &[Vertex]) -> (f64, Direction) {
     let first = &chain[0];
     let (lo, hi) = first.interval;

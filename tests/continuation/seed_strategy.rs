@@ -11,7 +11,7 @@ use semismooth::sparse::Matrix;
 
 /// Printed digits are truncated, not rounded.
 fn truncated(v: f64) -> f64 {
-    // Values a rounding error below a printed digit belong to it.
+    // A value that misses a printed digit by rounding counts as that digit.
     ((v + 1e-9 * v.signum()) * 1e4).trunc() / 1e4
 }
 
@@ -74,8 +74,8 @@ fn two_nodes(loads: [[f64; 4]; 2], friction: [f64; 2]) -> FullContact<PlanarCoul
     .unwrap()
 }
 
-/// Follows the branch of `states` from 100 values of α from `first` on; each run must meet the transitions of exact arithmetic, no
-/// other ones, and end at the bound of the window.
+/// Follows the branch of `states` from 100 values of α from `first` on; each run must meet the transitions of exact arithmetic and no
+/// others, and end at the bound of the window.
 fn follow_from_everywhere(
     problem: &FullContact<PlanarCoulomb>,
     states: &[ContactState],

@@ -1,5 +1,5 @@
-//! Curves that cross at 0.5° to 14°, straight and bent, followed in long steps: no curve is left, no crossing is missed, no branch point is
-//! reported where there is none. PROPTEST_CASES runs more than a few hundred.
+//! Curves that cross at 0.5° to 14°, straight and curved, followed in long steps: no curve is left, no crossing is missed, no spurious
+//! branch point is reported. PROPTEST_CASES runs more than a few hundred.
 
 use std::collections::BTreeMap;
 
@@ -119,7 +119,7 @@ impl Case {
     }
 }
 
-/// What was seen in many cases.
+/// The outcomes of many cases.
 #[derive(Default, Debug)]
 struct Seen {
     cases: usize,
@@ -184,7 +184,7 @@ impl Seen {
 /// Cases in which a crossing behind the start hides one ahead, three lie within one step, or three curves almost meet in one point.
 const HARD: [u64; 9] = [149, 180, 237, 254, 272, 281, 322, 506, 733];
 
-/// Straight and bent families with so many `others` in all settings: nothing false, and at most one run in 200 ends in doubt.
+/// Straight and curved families with this number of `others` in all settings: nothing false, and at most one run in 200 ends in doubt.
 fn look(settings: &[Setting], others: usize) {
     let mut seen = Seen::default();
     for setting in settings {
@@ -228,7 +228,7 @@ fn two_and_three_curves_among_further_unknowns() {
 
 /// Where ∇H becomes singular and the orientation does not change there is no simple branch point: the run ends with that doubt.
 #[test]
-fn curves_that_touch_and_three_through_one_point_are_told() {
+fn curves_that_touch_and_three_through_one_point_are_reported() {
     let line = |b: f64| Parabola([0.0, b, 0.0]);
     for curves in [
         vec![line(0.0), Parabola([0.0, 0.0, 1.0])],

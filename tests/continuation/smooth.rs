@@ -27,7 +27,7 @@ fn a_quadratic_fold() {
     }
 }
 
-/// α = −c y², beside itself on the way back: the long steps there reach past the start, which lies on the other side.
+/// α = −c y², which runs back close to itself: the long steps there reach past the start, which lies on the other side.
 #[test]
 fn a_curve_that_runs_back_beside_its_start_is_not_closed() {
     let curves: [(f64, Function); 3] = [
@@ -53,7 +53,8 @@ fn a_curve_that_runs_back_beside_its_start_is_not_closed() {
     }
 }
 
-/// c y² + α = 1000: the tangent turns by much over corrections that are small next to α, and is made anew where they may hide the fold.
+/// c y² + α = 1000: the tangent turns by large angles over corrections that are small relative to α, and is recomputed where they may hide
+/// the fold.
 #[test]
 fn sharp_folds_far_from_the_origin_are_located_to_rounding() {
     let curves: [(f64, Function); 3] = [
@@ -106,7 +107,7 @@ fn check_rays(map: &Plane, branch: &Branch, expected: &[[f64; 2]]) {
         let unit = [e[0] / length, e[1] / length];
         assert!(rays.iter().any(|r| near(r, unit, 1e-6)), "{unit:?} {rays:?}");
     }
-    // Each arm can be followed and stays on the curve; it does not meet its own start again.
+    // Each arm can be followed and stays on the curve; it does not return to its own start.
     let b = &branch.branch_points[0];
     for arm in &b.arms {
         let o = within((-1.5, 1.5)).with_max_arclength(3.0);
@@ -211,7 +212,7 @@ fn crossing<const K: i32>(y: f64, a: f64) -> [f64; 3] {
     ]
 }
 
-/// A line crosses the cubic at y = −3/2 under any angle. The curve goes on along the cubic, whatever the step with which it arrives.
+/// A line crosses the cubic at y = −3/2 at any angle. The curve goes on along the cubic, whatever the step length of arrival.
 #[test]
 fn straight_on_where_curves_cross_under_small_angles() {
     let lines = [
@@ -226,7 +227,7 @@ fn straight_on_where_curves_cross_under_small_angles() {
     let mut wrong = Vec::new();
     for (k, line) in lines.into_iter().enumerate() {
         let map = Plane::smooth(line);
-        // Under 9 degrees a long step ends nearer to the line than to the cubic.
+        // At 9 degrees a long step ends nearer to the line than to the cubic.
         let longest = if k == 4 { 0.1 } else { 1.0 };
         for h in [0.03, 0.1, 0.3, 0.5, 0.7, 1.0]
             .into_iter()
@@ -295,8 +296,8 @@ impl PiecewiseSmooth for Tail {
     }
 }
 
-/// A start at a branch point, known to a few last bits as numbers are, where the row that vanishes is nothing but rounding: four arms at any size
-/// and in any unit, and curves that leave it as they should.
+/// A start at a branch point, accurate to rounding, where the row that vanishes is nothing but rounding: four arms at any size and in any
+/// unit, and curves that leave along them.
 #[test]
 fn starts_at_branch_points_of_any_size() {
     for (n, unit) in [
@@ -331,7 +332,8 @@ fn starts_at_branch_points_of_any_size() {
     }
 }
 
-/// −u″ = λ (u − u³) on (0, 1), u = 0 at the ends, by n differences, times a unit: u = 0 bifurcates at the eigenvalues of the discrete Laplacian.
+/// −u″ = λ (u − u³) on (0, 1), u = 0 at the ends, by n differences, times a unit: u = 0 bifurcates at the eigenvalues of the discrete
+/// Laplacian.
 struct Buckling {
     n: usize,
     unit: f64,
@@ -401,7 +403,7 @@ fn branch_points_of_systems_of_any_size() {
                 );
             }
         }
-        // Buckled solutions are followed from there.
+        // Buckled solutions can be followed from there.
         let b = &branch.branch_points[0];
         let arm = b.arms.iter().find(|a| a.tangent[n].abs() < 0.5).unwrap();
         let buckled = Branch::follow_arm(&map, &b.point.x, arm, within((4.0, 15.0))).unwrap();
@@ -456,7 +458,7 @@ impl PiecewiseSmooth for Plate {
     }
 }
 
-/// Factors with much fill are eliminated in blocks where no determinant is asked for: branch points are seen all the same.
+/// Factors with much fill are eliminated in blocks, unless a determinant is needed: branch points are detected all the same.
 #[test]
 fn branch_points_of_plates() {
     for m in [12, 30, 90] {
@@ -480,7 +482,7 @@ fn branch_points_of_plates() {
             assert!((0..n).all(|k| off(k).abs() < 1e-6), "{m}");
         }
     }
-    // Twice the same eigenvalue: a doubt, and not passed unseen.
+    // A double eigenvalue: reported as a doubt, not passed over.
     for m in [12, 30] {
         let map = Plate { m };
         let mut start = vec![0.0; m * m + 1];
@@ -490,7 +492,7 @@ fn branch_points_of_plates() {
     }
 }
 
-/// α = δ (y − y³): steep as the curve is, its folds are those at y = ±1/√3.
+/// α = δ (y − y³): however steep the curve, its folds are those at y = ±1/√3.
 #[test]
 fn folds_of_steep_curves() {
     for scale in [1.0, 1e-3, 1e-5, 3e-7] {
@@ -520,7 +522,7 @@ impl PiecewiseSmooth for Steep {
     }
 }
 
-/// Beside the origin a start is as far off as its own size tells, and is corrected.
+/// Near the origin the distance of a start from the curve is judged relative to its own size, and the start is corrected.
 #[test]
 fn starts_of_any_size_are_brought_onto_the_curve() {
     let map = Steep(2.0);

@@ -1,4 +1,4 @@
-//! Lengths of steps where they are known beforehand, and what a step may not pass by.
+//! Step lengths in cases where they are known, and what a step must not pass over.
 
 use super::curves::{follow, within};
 use super::maps::Plane;
@@ -15,7 +15,7 @@ fn lengths(branch: &Branch) -> Vec<f64> {
         .collect()
 }
 
-/// y = 0, declared as curved: each step is as much longer as asked for, up to the longest.
+/// y = 0, declared as curved: each step grows by the given factor, up to the longest step.
 #[test]
 fn steps_grow_along_a_line() {
     let map = Plane::smooth(|y, _| [y, 1.0, 0.0]);
@@ -43,7 +43,7 @@ fn steps_grow_along_a_line() {
     }
 }
 
-/// y² + α² = R²: between two points the tangent turns by the angle between them, at most by what is allowed, and not by much less.
+/// y² + α² = R²: between two points the tangent turns by the angle between them, at most by the allowed angle, and not by much less.
 #[test]
 fn tangents_turn_no_more_than_allowed() {
     for radius in [1.0, 0.25] {
@@ -89,7 +89,7 @@ fn tangents_turn_no_more_than_allowed() {
     }
 }
 
-/// A start on a bound that the curve leaves is all there is.
+/// A curve that leaves the range at its start, on a bound, consists of this point.
 #[test]
 fn a_start_on_the_bound_that_is_left_ends_there() {
     let curved = Plane::smooth(|y, a| [y - a * a, 1.0, -2.0 * a]);
@@ -102,7 +102,7 @@ fn a_start_on_the_bound_that_is_left_ends_there() {
     }
 }
 
-/// A circle and the line y = 0 through it: closed branches there are, but none that is connected to nothing else.
+/// A circle and the line y = 0 through it: there are closed branches, but none is disconnected from the rest.
 #[test]
 fn a_circle_that_is_crossed_is_no_isola() {
     let map = Plane::smooth(|y, a| {
@@ -118,7 +118,7 @@ fn a_circle_that_is_crossed_is_no_isola() {
     assert_eq!(diagram.solutions_at(&map, 0.5).unwrap().count(), Some(3));
 }
 
-/// α = |y| with room for one selection: the other arm is found by the local search, and nothing is called complete.
+/// α = |y| with a limit of one selection: the other arm is found by the local search, and the list is not called complete.
 #[test]
 fn what_the_limit_on_selections_leaves_out_is_searched_for() {
     let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {

@@ -1,4 +1,4 @@
-//! Saved runs in which one value was changed: refused, or followed on the curve.
+//! Saved runs in which one value was changed: refused, or continued on the curve.
 #![cfg(feature = "serde")]
 
 use super::maps::Plane;
@@ -8,7 +8,7 @@ use semismooth::continuation::{Continuation, ContinuationError, ContinuationOpti
 use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, value};
 use serde_json::{Value, json};
 
-/// The places of all values but the events not yet given out, which are records, and the options, which are the user's.
+/// The places of all values except the pending events, which are records, and the options, which are the user's.
 fn places(v: &Value, path: &str, out: &mut Vec<String>) {
     match v {
         Value::Object(o) => o
@@ -181,7 +181,7 @@ fn counters_that_are_full() {
     }
 }
 
-/// y = 0 whatever the unit of y: no other value of the state contradicts a size that was changed, only that sizes are powers of two.
+/// y = 0 whatever the unit of y: no other value of the state contradicts a changed size; but sizes must be powers of two.
 #[test]
 fn a_typical_size_that_is_no_power_of_two() {
     let map = Plane::smooth(|y, _| [y, 1.0, 0.0]);
@@ -199,7 +199,7 @@ fn a_typical_size_that_is_no_power_of_two() {
     }
 }
 
-/// A tangent that is too long would be followed off the straight pieces of an affine map.
+/// A tangent that is too long would lead off the affine pieces.
 #[test]
 fn a_tangent_that_is_too_long() {
     let case = common::cases().into_iter().find(|c| c.name == "p1_ex1").unwrap();
@@ -225,7 +225,7 @@ fn a_tangent_that_is_too_long() {
             other => panic!("{path}: {:?}", other.map(|_| ())),
         }
     };
-    // A point beside the curve, in both kinds of variables.
+    // A point off the curve, in both kinds of variables.
     let mut state = saved.clone();
     for place in ["/x/0", "/here/x/0"] {
         let value = state.pointer(place).unwrap().as_f64().unwrap();

@@ -78,7 +78,7 @@ fn stick_and_slip_meet_where_the_traction_is_the_bound() {
             let (normal, tangential) = (point.x[4], point.x[5]);
             assert!((friction * normal - tangential.abs()).abs() < 1e-11);
         }
-        // It is a line of folds where the slope of slip is negative: F > (λ+3μ)/(λ+μ) = 2.
+        // The line consists of folds where the slope of slip is negative: F > (λ+3μ)/(λ+μ) = 2.
         let p = &line.points[0];
         assert_eq!(set.is_fold(&p.selection, &p.x).unwrap(), Some(friction > 2.0));
     }
@@ -120,7 +120,7 @@ fn lines_of_the_plane_of_friction_and_load() {
             assert_eq!(set.is_fold(&p.selection, &p.x).unwrap(), Some(friction > 2.0));
         }
     }
-    // The bifurcation stands at f_t = −(λ+3μ)/(λ+μ) f_ν = −3, whatever F.
+    // The bifurcation is at f_t = −(λ+3μ)/(λ+μ) f_ν = −3, whatever F.
     let set = TransitionSet::new(friction_plane(), 0, 0).unwrap();
     let along = Direction::Along(vec![0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
     let options = ContinuationOptions::default().with_max_arclength(5.0);
@@ -167,7 +167,7 @@ impl PiecewiseSmooth for Window {
     }
 }
 
-/// Both ends of the window are found: within one step of the curve, on both sides of a transition, and where points lie on them.
+/// Both ends of the window are found: within one step of the curve, on both sides of a transition, and at points of the curve.
 #[test]
 fn folds_begin_and_end_however_short_the_window() {
     for half in [0.3, 0.02, 1e-3] {
@@ -218,7 +218,7 @@ impl PiecewiseSmooth for Dip {
     }
 }
 
-/// A window in a narrow dip is found, too: at the points on both sides, a hundred of its widths away, the determinant hardly falls.
+/// A window in a narrow dip is found, too: at the neighbouring points, a hundred of its widths away, the determinant has hardly decreased.
 #[test]
 fn folds_begin_and_end_in_narrow_dips() {
     for step in [0.4, 0.3, 0.2] {
@@ -357,7 +357,7 @@ fn a_regular_point_is_no_fold_to_start_from() {
     assert!(e.to_string().contains("kernel"), "{e}");
 }
 
-/// A set speaks of the sites and pieces of its family.
+/// A set uses the names of the sites and pieces of its family.
 #[test]
 fn names_are_those_of_the_family() {
     for (family, test) in [(load_plane(1.5), 0), (load_plane(3.0), 2), (friction_plane(), 1)] {
@@ -501,7 +501,7 @@ fn folds_of_slip_end_where_the_node_sticks() {
     }
 }
 
-/// (β² − 0.2) y + |y|/4 = α has kinks y = 0, which are folds where β² < 0.45. Another unknown is 0 but for rounding: 1e-20 sin(10⁵ β).
+/// (β² − 0.2) y + |y|/4 = α has kinks y = 0, which are folds where β² < 0.45. Another unknown is 0 up to rounding: 1e-20 sin(10⁵ β).
 #[derive(Debug)]
 struct Rounding;
 
@@ -525,7 +525,7 @@ impl PiecewiseSmooth for Rounding {
     }
 }
 
-/// What moves by rounding alone is no measure for the planes in which points between neighbours are found.
+/// Unknowns that vary by rounding alone must not determine the planes in which points between neighbours are located.
 #[test]
 fn folds_begin_beside_unknowns_that_are_rounding() {
     let set = TransitionSet::new(Rounding, 0, 0).unwrap();

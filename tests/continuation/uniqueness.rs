@@ -93,8 +93,8 @@ fn the_constant_bounds_the_motion() {
     assert!(largest > 0.3e-3 * constant);
 }
 
-/// c y ± u / 2 on the two sides of u = s y + t α = 0: where |s| > 2 |c| the slopes of y differ in sign. Within the distance that counts as
-/// none both pieces are active, in whatever direction the kink lies.
+/// c y ± u / 2 on the two sides of u = s y + t α = 0: where |s| > 2 |c| the slopes of y differ in sign. Within the vanishing distance both
+/// pieces are active, whatever the direction of the kink.
 #[test]
 fn kinks_of_all_directions_are_seen() {
     let options = ContinuationOptions::default();

@@ -1,4 +1,4 @@
-//! Units of the unknowns change nothing: with sizes given, the same points to the last bit.
+//! Units of the unknowns change nothing: with typical sizes given, the points agree to the last bit.
 
 use std::ops::ControlFlow;
 
@@ -18,7 +18,7 @@ use semismooth::sparse::Matrix;
 struct InUnits {
     map: Plane,
     unit: f64,
-    /// Whether the map itself knows.
+    /// Whether the map itself states its typical sizes.
     tells: bool,
 }
 
@@ -161,7 +161,7 @@ fn saved_monitored_and_along_an_arm() {
         .collect();
     assert_eq!(met.len(), 2);
     assert!((met[0] + 0.9).abs() < 1e-12 && (met[1] - 0.9).abs() < 1e-12);
-    // The arm of a transition leads on as the curve itself does.
+    // The arm of a transition continues the curve itself.
     let branch = Branch::collect(start(), |_| ControlFlow::Continue(())).unwrap();
     let fold = &branch.transitions[0];
     assert_eq!((fold.kind, fold.parameter()), (TransitionKind::Fold, -1.0));
@@ -189,7 +189,7 @@ fn diagrams_of_the_pitchfork() {
         })
         .unwrap();
         assert!(diagram.completeness().is_complete());
-        // Tangents in x are flat where y is of the order 1e9, and yet α moves.
+        // Tangents in x are nearly orthogonal to the α axis where y is of the order 1e9, and yet α varies.
         assert!(diagram.edges().iter().all(|e| !e.is_vertical()));
         let largest = seen.iter().fold(0.0_f64, |a, y| a.max(*y));
         assert!((largest / unit - 1.0).abs() < 1e-9, "{largest}");
@@ -199,7 +199,7 @@ fn diagrams_of_the_pitchfork() {
         assert_eq!(y.len(), 3);
         assert!((y[0] + 0.5).abs() < 1e-12 && y[1].abs() < 1e-12 && (y[2] - 0.5).abs() < 1e-12);
         assert_eq!(three.index_sum(), Some(1));
-        // |z − ½| + |α − ¼| = 0 has one point, beside which nothing is.
+        // |z − ½| + |α − ¼| = 0 is a single point.
         let point = MinMap::curve(3, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
             let (z, s) = (x[0] / unit - 0.5, x[3] - 0.25);
             (a[0], b[0]) = (x[1] - z, x[1] + z);
@@ -215,7 +215,7 @@ fn diagrams_of_the_pitchfork() {
             (found.isolated.as_slice(), found.points.len()),
             ([start.to_vec()].as_slice(), 0)
         );
-        // Half of it, and then the rest, is the whole.
+        // Half of it, and then the rest, gives the whole.
         let half = Diagram::explore(&map, &[[0.0, -0.5]], &options.clone().with_max_points(12)).unwrap();
         assert!(!half.completeness().is_complete());
         let none: [[f64; 2]; 0] = [];
@@ -250,7 +250,7 @@ fn sizes_that_make_no_sense() {
     ));
 }
 
-/// y = max(0, c α (0.3 − α)): flat bumps, the whole of which fits into one step.
+/// y = max(0, c α (0.3 − α)): flat bumps, each of which fits into one step.
 #[test]
 fn a_facet_crossed_twice_in_one_step() {
     for c in [1e-1, 1e-3, 1e-5] {
@@ -301,8 +301,8 @@ impl NonsmoothFunction for Apart {
     }
 }
 
-/// Without sizes the tangent is all but that of y₁, at right angles to the gradient of v but for 10⁻¹⁸: it crosses the facet none the
-/// less, and a start that is far from the facet in its own units is not on it.
+/// Without sizes the tangent is almost that of y₁ alone, orthogonal to the gradient of v up to 10⁻¹⁸: it crosses the facet nevertheless,
+/// and a start that is far from the facet in its own units is not on it.
 #[test]
 fn facets_are_crossed_in_variables_of_small_units() {
     for curved in [0.0, 0.25] {
@@ -365,7 +365,7 @@ impl NonsmoothFunction for Sheared {
     }
 }
 
-/// Units 10⁹ apart make the least singular value of ∇H small: neither is a regular start singular then, nor a branch point regular.
+/// Units 10⁹ apart make the least singular value of ∇H small: yet no regular start is taken for singular, and no branch point for regular.
 #[test]
 fn units_far_apart_do_not_make_starts_singular() {
     const TANGENT: [f64; 4] = [1.0, 2.0, -3.0, 1.0];
@@ -388,7 +388,7 @@ fn units_far_apart_do_not_make_starts_singular() {
     assert!(crossings > 0);
 }
 
-/// The default shortest step shrinks with the size of α: steps in its unit are not refused.
+/// The default shortest step scales with α: steps in its unit are not refused.
 #[test]
 fn steps_in_a_small_unit_of_the_parameter() {
     let follow = |unit: f64| {
@@ -416,8 +416,8 @@ fn steps_in_a_small_unit_of_the_parameter() {
     }
 }
 
-/// Where y₂ sticks to its bound along a vertical segment, ∇H knows nothing of y₁: that the arm leaves the kink of y₂, and does not run
-/// in it, is told by ∇θ alone.
+/// Where y₂ stays at its bound along a vertical segment, ∇H does not depend on y₁: only ∇θ shows that the arm leaves the kink of y₂ and
+/// does not run in it.
 #[test]
 fn vertical_arms_leave_kinks_in_any_unit() {
     // 0 ≤ y₁ ≤ 3 ⟂ −2 α − 2 and 0 ≤ y₂ ⟂ 2 y₁ + y₂ − α − 3.

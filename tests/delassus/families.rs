@@ -1,4 +1,4 @@
-//! Families of problems in Delassus form with the structure of multibody contact: M = H W Hᵀ of rigid bodies, mostly with far more
+//! Families of problems in Delassus form with the structure of multibody contact: M = H W Hᵀ of rigid bodies, in most of them with far more
 //! contact unknowns than degrees of freedom.
 #![allow(dead_code)]
 
@@ -61,8 +61,8 @@ pub fn assemble(dimension: usize, bodies: &[Body], touches: &[Touch], mu: f64) -
     assemble_turning(dimension, bodies, touches, mu, 0.0)
 }
 
-/// The same with bodies that turn by `angle` in a step: the rotational part of W is the inverse of the inertia plus a gyroscopic
-/// term, M is unsymmetric, and its rank and range are those of H.
+/// The same with bodies that rotate by `angle` in a step: the rotational part of W is the inverse of the inertia plus a gyroscopic term, M
+/// is unsymmetric, and its rank and range are those of H.
 pub fn assemble_turning(
     dimension: usize,
     bodies: &[Body],
@@ -153,7 +153,7 @@ pub fn wall(courses: usize, length: usize, mu: f64, push: f64, seed: u64) -> Del
     turning_wall(courses, length, mu, push, 0.0, seed)
 }
 
-/// The wall with bricks that turn by `angle` in a step.
+/// The wall with bricks that rotate by `angle` in a step.
 pub fn turning_wall(
     courses: usize,
     length: usize,
@@ -222,8 +222,8 @@ pub fn turning_wall(
     assemble_turning(3, &bodies, &touches, mu, angle)
 }
 
-/// Rods in a heap: layer on layer crosswise at random angles, each with two or three contacts on those below and, side by side,
-/// two redundant contacts along the common generator; thrown with spin.
+/// Rods in a heap: layer upon layer crosswise at random angles, each with two or three contacts with those below and, side by side, two
+/// redundant contacts along the common generator; thrown with spin.
 pub fn rods(layers: usize, breadth: usize, mu: f64, shake: f64, angle: f64, seed: u64) -> DelassusProblem {
     let mut s = Random::new(seed);
     let (radius, half) = (0.5, 0.5 * breadth as f64);
@@ -300,7 +300,7 @@ pub fn rods(layers: usize, breadth: usize, mu: f64, shake: f64, angle: f64, seed
     assemble_turning(3, &bodies, &touches, mu, angle)
 }
 
-/// A tower of planks laid crosswise, three a storey, with four contacts for each crossing.
+/// A tower of planks laid crosswise, three per storey, with four contacts at each crossing.
 pub fn tower(storeys: usize, mu: f64, lean: f64, seed: u64) -> DelassusProblem {
     let mut s = Random::new(seed);
     let size = [3.0, 1.0, 0.5];
@@ -422,7 +422,7 @@ pub fn packing(side: [usize; 3], mu: f64, shake: f64, ratio: f64, seed: u64) -> 
     assemble(3, &bodies, &touches, mu)
 }
 
-/// Discs in a heap of the plane, hexagonal with jitter.
+/// Discs in a planar heap, hexagonal with jitter.
 pub fn discs(rows: usize, columns: usize, mu: f64, shake: f64, seed: u64) -> DelassusProblem {
     let mut s = Random::new(seed);
     let mut bodies = Vec::new();
@@ -487,7 +487,7 @@ pub fn discs(rows: usize, columns: usize, mu: f64, shake: f64, seed: u64) -> Del
     assemble(2, &bodies, &touches, mu)
 }
 
-/// An arch of wedges between two fixed abutments, four contacts a joint (two in the plane): stands by friction alone.
+/// An arch of wedges between two fixed abutments, four contacts per joint (two in the plane): it stands by friction alone.
 pub fn arch(dimension: usize, wedges: usize, mu: f64, load: f64) -> DelassusProblem {
     let (inner, outer) = (4.0, 5.0);
     let mid = 0.5 * (inner + outer);
@@ -573,7 +573,7 @@ pub fn random(
     DelassusProblem::new(dimension, Matrix::from_rows(&rows).unwrap(), q, friction).unwrap()
 }
 
-/// Points of an elastic half-space: M dense, definite, of fast decaying spectrum.
+/// Points of an elastic half-space: M dense, definite, with a rapidly decaying spectrum.
 pub fn half_space(side: usize, mu: f64, seed: u64) -> DelassusProblem {
     let mut s = Random::new(seed);
     let nc = side * side;

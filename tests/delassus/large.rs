@@ -6,7 +6,7 @@ use semismooth::sparse::Matrix;
 use super::random::Random;
 use super::{oracle, solve};
 
-/// How blocks of neighbours on a grid relate: (forward, backward) parts of the coupling.
+/// Coupling of neighbouring blocks on a grid: (forward, backward) parts.
 #[derive(Clone, Copy)]
 enum Coupling {
     /// Kᵀ is K.
@@ -15,12 +15,12 @@ enum Coupling {
     Turning(f64),
     /// As springs along columns; along rows only neighbours on one side act: not even the structure is symmetric.
     Upwind,
-    /// All of the coupling is skew: what symmetric solvers see of it (one triangle) is far from definite.
+    /// The coupling is entirely skew: the triangle that symmetric solvers read is far from definite.
     Skew(f64),
 }
 
-/// Contacts on an `m` × `k` grid (a chain for k = 1) that act on their neighbours, made from a solution: M has a definite symmetric part
-/// that hardly exceeds `shift` on waves across the grid, so that sweeps alone take long. Hands out the problem and its solution.
+/// Contacts on an `m` × `k` grid (a chain for k = 1) coupled to their neighbours, made from a solution: M has a definite symmetric part
+/// that hardly exceeds `shift` on waves across the grid, so that sweeps alone take long. Returns the problem and its solution.
 fn grid(
     d: usize,
     [m, k]: [usize; 2],
@@ -96,7 +96,7 @@ fn grid(
     (DelassusProblem::new(d, matrix, q, friction).unwrap(), r)
 }
 
-/// In all of them the interior-point phase must do the work; friction is small enough for solutions to be the only ones.
+/// All of them need the interior-point phase; friction is small enough for the solution to be unique.
 #[test]
 fn constructed_problems_of_many_contacts_are_solved() {
     for (d, size, coupling, shift) in [

@@ -23,14 +23,14 @@ fn solve(p: &DelassusProblem) -> DelassusReport {
     DelassusSolver::default().solve(p).unwrap()
 }
 
-/// Solved, judged by the oracle and not by the crate.
+/// Solved, by the independent oracle of these tests.
 fn solved(p: &DelassusProblem) -> Result<DelassusReport, String> {
     let report = solve(p);
     let worst = oracle::worst(p, &report.r);
     if report.status != DelassusStatus::Solved || worst > 1.01 * TOLERANCE {
         return Err(format!("{}, residual {worst:e}", report.status));
     }
-    // What is told is what was measured, above rounding.
+    // The reported residual is the measured one, above rounding.
     let told = p.residual(&report.r).unwrap();
     if (told - worst).abs() > 1e-13 + 1e-2 * worst || report.residual != told {
         return Err(format!(
@@ -54,7 +54,7 @@ fn check_history(report: &DelassusReport) {
         entries.map(|i| i.work).sum::<usize>()
     };
     assert_eq!((report.sweeps, report.factorisations), (work(true), work(false)));
-    // Each entry has a residual, and each factorisation of Newton's method a point of its own.
+    // Each entry has a residual, and each factorisation of Newton's method a separate point.
     assert!(report.evaluations >= report.history.len());
     let of_newton = report
         .history
@@ -102,7 +102,7 @@ fn files_are_solved() {
         let p = read_delassus(&path).unwrap();
         let report = solved(&p).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         assert_eq!(report.states.len(), p.contacts());
-        // The velocities of a solution where M is symmetric and semidefinite do not depend on the solver's way.
+        // The velocities of a solution where M is symmetric and semidefinite do not depend on the path of the solver.
         let again = DelassusSolver::default()
             .solve_observed(&p, Some(&report.r), |_| ControlFlow::Continue(()))
             .unwrap();
@@ -168,8 +168,8 @@ fn units_of_skew_matrices_do_not_matter() {
     }
 }
 
-/// M (10, 1) = 0, which jams a contact with μ = 0.2: beside reactions of 1e17 in this direction nothing is left of q, by which bodies
-/// overlap.
+/// M (10, 1) = 0, which jams a contact with μ = 0.2: beside reactions of 1e17 in this direction q, an interpenetration, is lost in
+/// rounding.
 #[test]
 fn reactions_that_swallow_the_velocities_are_no_solution() {
     let matrix = Matrix::from_rows(&[[0.75, -7.5], [-0.125, 1.25]]).unwrap();
@@ -180,7 +180,7 @@ fn reactions_that_swallow_the_velocities_are_no_solution() {
         let go_on = |_: &_| ControlFlow::Continue(());
         let report = solver.solve_observed(&problem, Some(&[10.0 * size, size]), go_on);
         let report = report.unwrap();
-        // M r first, as its terms are exact.
+        // M r first, as it is computed exactly.
         let normal = (0.75 * report.r[0] - 7.5 * report.r[1]) - 0.25;
         assert!(
             !report.is_solved() || normal >= -1e-6,
@@ -190,7 +190,7 @@ fn reactions_that_swallow_the_velocities_are_no_solution() {
     }
 }
 
-/// However little a contact bears against its slip, it is closed: r_N = p, u_T = μ p − 1.
+/// However small the pressure compared with the sliding velocity, the contact is closed: r_N = p, u_T = μ p − 1.
 #[test]
 fn contacts_that_slide_fast_under_little_pressure_are_closed() {
     for p in [1e-2, 1e-4, 1e-6, 1e-8] {
@@ -210,7 +210,7 @@ fn open_contacts_without_friction_are_solved() {
         (report.r, report.states),
         (vec![0.0; 2], vec![ContactState::Open])
     );
-    // Closed and slid over: the motion alone tells the direction.
+    // Closed and sliding: only the velocity determines the direction.
     let report = solved(&plane([-1.0, -0.5])).unwrap();
     assert_eq!(
         (report.r, report.states),
@@ -228,7 +228,7 @@ fn open_contacts_without_friction_are_solved() {
 }
 
 /// Packings in which the first proximal steps from interior points all fail: a step that takes all of its iterations must not end the
-/// attempt before a larger weight was tried.
+/// attempt before a larger weight is tried.
 #[test]
 fn packings_survive_failed_proximal_steps() {
     for seed in [2, 3] {
@@ -240,7 +240,7 @@ fn packings_survive_failed_proximal_steps() {
     }
 }
 
-/// A pebble beside a heavy heap: in the norm of all contacts its motion is rounding, and yet it must be right.
+/// A pebble beside a heavy heap: its motion is rounding in the norm over all contacts, and must be right nevertheless.
 #[test]
 fn contacts_that_bear_little_are_solved_too() {
     for ratio in [1e-4, 1e-8, 1e-11] {
@@ -257,7 +257,7 @@ fn contacts_that_bear_little_are_solved_too() {
             &[ratio, 0.2 * ratio, ratio, 0.3 * ratio],
             1e-11
         ));
-        // No reaction at all is a solution in the norm of all contacts only.
+        // Zero reactions of the small contacts are a solution in the norm over all contacts only.
         assert!(p.residual(&[1.0, 0.2, 0.0, 0.0, 0.0, 0.0]).unwrap() > 0.1);
     }
 }
@@ -283,7 +283,7 @@ proptest! {
         ] {
             let m: Vec<Vec<f64>> = rows(&p).iter().map(|row| row.iter().map(|v| a * v).collect()).collect();
             let q: Vec<f64> = p.q().iter().map(|v| b * v).collect();
-            // Velocities that vanish are rounding against q.
+            // Vanishing velocities are rounding relative to q.
             let beside = |u: &[f64]| [u, &q].concat();
             let scaled = DelassusProblem::new(d, Matrix::from_rows(&m).unwrap(), q.clone(), p.friction().to_vec()).unwrap();
             let report = solved(&scaled).map_err(TestCaseError::fail)?;
@@ -299,7 +299,7 @@ proptest! {
         }
     }
 
-    /// Planar problems: the solution is one of those found by going through all 4ⁿ choices of pieces.
+    /// Planar problems: the solution is one of those found by trying all 4ⁿ choices of pieces.
     #[test]
     fn planar_problems_agree_with_enumeration(seed in any::<u64>(), nc in 1..5_usize, mu in 0.0..0.6_f64) {
         let p = families::random(2, nc, 2 * nc + 2, mu, false, 0.0, seed);
@@ -380,7 +380,7 @@ proptest! {
     }
 }
 
-/// Many more contact unknowns than degrees of freedom, stacked, leaning, jammed.
+/// Far more contact unknowns than degrees of freedom: stacked, leaning, jammed.
 #[test]
 fn multibody_families_are_solved() {
     let mut problems = Vec::new();
@@ -401,8 +401,8 @@ fn multibody_families_are_solved() {
     }
 }
 
-/// Contacts that do not feel each other are at rest after one sweep, and the next one says so. Where sweeps are slow, but their states right,
-/// one linear system ends small problems in the plane, and a few factorisations larger ones.
+/// Uncoupled contacts are solved by one sweep, and the next one confirms it. Where sweeps are slow, but their states right, one linear
+/// system finishes small planar problems, and a few factorisations larger ones.
 #[test]
 fn small_problems_take_few_sweeps() {
     let q = [-1.0, 0.4];
@@ -433,8 +433,8 @@ fn small_problems_take_few_sweeps() {
     }
 }
 
-/// Without factorisations a run is Gauss–Seidel's, forwards and backwards in turn: a contact at a time, whose states the oracle enumerates, with
-/// velocities taken anew for each.
+/// Without factorisations a run is Gauss–Seidel, alternately forwards and backwards: one contact at a time, whose states the oracle
+/// enumerates, with velocities updated for each.
 #[test]
 fn sweeps_are_those_of_gauss_and_seidel() {
     let p = families::discs(6, 6, 0.3, 0.4, 3);
@@ -460,7 +460,7 @@ fn sweeps_are_those_of_gauss_and_seidel() {
     }
 }
 
-/// Terms count against the largest of all contacts where they are less than 1e-12 of it, wherever that stands.
+/// The scale of a contact is at least 1e-12 of that of the largest contact, whatever its place.
 #[test]
 fn contacts_that_bear_next_to_nothing_count_little() {
     for (q, r) in [
@@ -472,7 +472,7 @@ fn contacts_that_bear_next_to_nothing_count_little() {
     }
 }
 
-/// Whatever ends a run, residual, velocities and states are those of the reactions returned, which are the best ones met.
+/// However a run ends, residual, velocities and states belong to the reactions returned, which are the best ones found.
 #[test]
 fn reports_are_about_the_reactions_returned() {
     let mut worse = 0;
@@ -507,7 +507,7 @@ fn reports_are_about_the_reactions_returned() {
     assert!(worse > 0);
 }
 
-/// A linear system for known states is a factorisation, too, where there are to be none.
+/// A linear system for known states counts as a factorisation, too, where none is allowed.
 #[test]
 fn no_factorisation_where_none_is_allowed() {
     let couples = [(0, 2), (2, 0), (1, 3), (3, 1)].map(|(i, j)| (i, j, -0.95));
@@ -532,14 +532,14 @@ fn no_load_no_reaction() {
     assert!(solve(&tiny).is_solved());
 }
 
-/// Contacts between bodies that cannot move: no reaction changes anything.
+/// Contacts between immobile bodies: no reaction changes anything.
 #[test]
 fn immobile_contacts() {
     let m = Matrix::from_triplets(4, 4, &[(0, 0, 1.0), (1, 1, 1.0)]).unwrap();
     let p = |q: [f64; 4]| DelassusProblem::new(2, m.clone(), q.to_vec(), vec![0.5; 2]).unwrap();
     let report = solved(&p([-1.0, 0.1, 0.3, 1.0])).unwrap();
     assert_eq!(&report.r[2..], [0.0, 0.0]);
-    // They are pressed into each other, and nothing helps: no solution, but an answer.
+    // They are pressed into each other: there is no solution, but the solver returns.
     let report = solve(&p([-1.0, 0.1, -0.3, 1.0]));
     assert!(!report.is_solved());
     assert!(report.residual > 0.01 && report.r.iter().all(|v| v.is_finite()));
@@ -719,7 +719,7 @@ fn files_with_errors_are_refused() {
     assert!(told.iter().all(|t| t.0), "{told:?}");
 }
 
-/// The observer sees the history and may stop the run; limits end it; what was best is handed out.
+/// The observer sees the history and may stop the run; limits end it; the best reactions are returned.
 #[test]
 fn runs_can_be_stopped() {
     let p = families::wall(3, 3, 0.3, 1e-2, 1);

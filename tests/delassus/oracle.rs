@@ -1,4 +1,4 @@
-//! Independent of the crate: residuals and complete enumeration.
+//! Independent of the crate's solvers: residuals and complete enumeration.
 
 use semismooth::contact::DelassusProblem;
 
@@ -14,7 +14,7 @@ fn velocities(p: &DelassusProblem, r: &[f64]) -> Vec<f64> {
     u
 }
 
-/// ‖r − P_K(r − û)‖ of one contact, by the book: P_K from the Moreau decomposition along the generator.
+/// ‖r − P_K(r − û)‖ of one contact, by definition: P_K from the Moreau decomposition along the generator.
 fn violation(mu: f64, r: &[f64], u: &[f64]) -> f64 {
     let d = r.len();
     let z: Vec<f64> = (0..d)
@@ -53,7 +53,8 @@ pub fn residual(p: &DelassusProblem, r: &[f64]) -> f64 {
     if size == 0.0 { 0.0 } else { norm(&all) / size }
 }
 
-/// The same contact by contact with unit mean diagonals, against the largest of r, u, q and the products M_ij r_j there; the largest.
+/// The same contact by contact, scaled to unit mean diagonals and relative to the largest of r, u, q and the products M_ij r_j there; the
+/// maximum.
 pub fn worst(p: &DelassusProblem, r: &[f64]) -> f64 {
     let (d, nc) = (p.dimension(), p.contacts());
     let u = velocities(p, r);
@@ -68,7 +69,7 @@ pub fn worst(p: &DelassusProblem, r: &[f64]) -> f64 {
     let at = |v: &[f64], i: usize, factor: f64| -> Vec<f64> {
         v[d * i..d * (i + 1)].iter().map(|x| factor * x).collect()
     };
-    // Contacts that cannot move take the scale of those that can.
+    // Immobile contacts take the scale of the others.
     let largest = mean.iter().fold(0.0_f64, |m, v| m.max(*v));
     for v in mean.iter_mut().filter(|v| **v <= 1e-13 * largest) {
         *v = if largest > 0.0 { largest } else { 1.0 };
@@ -76,7 +77,7 @@ pub fn worst(p: &DelassusProblem, r: &[f64]) -> f64 {
     let mut worst = 0.0_f64;
     for (i, &mu) in p.friction().iter().enumerate() {
         let s = mean[i].sqrt();
-        // (s r, u / s) have one unit.
+        // (s r, u / s) have the same unit.
         let (rs, us, qs) = (at(r, i, s), at(&u, i, 1.0 / s), at(p.q(), i, 1.0 / s));
         let size = products[i].iter().map(|m| norm(m) / s).fold(norm(&rs), f64::max);
         let error = violation(mu, &rs, &us);
@@ -87,7 +88,7 @@ pub fn worst(p: &DelassusProblem, r: &[f64]) -> f64 {
     worst
 }
 
-/// Gaussian elimination with partial pivoting; `None` for a pivot that vanishes.
+/// Gaussian elimination with partial pivoting; `None` if a pivot vanishes.
 pub fn gauss(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<Vec<f64>> {
     let n = b.len();
     for k in 0..n {

@@ -1,4 +1,4 @@
-//! Small dense linear algebra of the tests' own, independent of the crate's solvers.
+//! Small dense linear algebra for the tests, independent of the crate's solvers.
 #![allow(dead_code)]
 
 /// Gaussian elimination with partial pivoting. Returns the sign of det A, the smallest pivot relative to the largest entry,

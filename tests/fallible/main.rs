@@ -24,7 +24,7 @@ use semismooth::variational::{Polyhedron, Vi, ViSolver};
 
 use maps::two_pieces;
 
-/// The evaluation with this number failed.
+/// The error of the evaluation with this number.
 #[derive(Debug, Clone, PartialEq)]
 struct Broken(usize);
 
@@ -56,7 +56,7 @@ impl Counted {
         self.calls.load(Ordering::Relaxed)
     }
 
-    /// One evaluation more.
+    /// Counts one evaluation.
     fn count(&self) -> Result<(), Broken> {
         match self.calls.fetch_add(1, Ordering::Relaxed) {
             k if k == self.at => Err(Broken(k)),
@@ -144,8 +144,8 @@ impl Semismooth for Root<'_> {
     }
 }
 
-/// Runs `solve` with a function that never fails, then with each of its evaluations failing (of many, some): the error is that of this
-/// evaluation, and none comes after it. `check` sees what the solver gave.
+/// Runs `solve` with a function that never fails, then with each of its evaluations failing (some, if there are many): the error is that of
+/// this evaluation, and no evaluation follows. `check` compares the results.
 fn with_each_failing<R: fmt::Debug>(solve: impl Fn(&Arc<Counted>) -> R, mut check: impl FnMut(&R, &R)) {
     let whole = Arc::new(Counted::new(usize::MAX));
     let reference = whole.errors.run(|| solve(&whole)).unwrap();
@@ -222,7 +222,7 @@ fn cones_and_variational_inequalities() {
         };
         with_each_failing(solve, |(status, x), (_, solution)| {
             assert!(x.iter().all(|v| v.is_finite()), "{x:?} {status:?}");
-            // A point within the tolerance is one, though the steps that would have bettered it failed.
+            // A point within the tolerance is returned as a solution, although the next steps failed.
             let near = x.iter().zip(solution).all(|(a, b)| (a - b).abs() < 1e-4);
             assert!(*status != Ok(ConeStatus::Solved) || near, "{x:?} {solution:?}");
         });
@@ -257,7 +257,7 @@ fn followed_curves() {
     with_each_failing(follow, |partial, whole| {
         let whole = whole.as_ref().unwrap();
         assert!(whole.len() > 10);
-        // What was followed before is what would have been, to the last bit.
+        // The part of the curve before the error is the same to the last bit.
         if let Ok(partial) = partial {
             assert!(partial.len() <= whole.len() && *partial == whole[..partial.len()]);
         }
@@ -287,7 +287,7 @@ fn diagrams_and_searches() {
     });
 }
 
-/// Each run of a sweep has its own errors; the others are what they are without them.
+/// Each run of a sweep has its own errors; the other runs are not affected.
 #[test]
 fn sweeps() {
     let run = |(start, at): &(f64, usize)| -> Result<f64, Broken> {
@@ -341,7 +341,7 @@ fn errors_keep_their_source_and_end_observed_runs() {
         (unsolved.reason, unsolved.x.as_slice()),
         (Failure::Stagnation, [5.0].as_slice())
     );
-    // An earlier error is forgotten by the next run, and not by what is evaluated outside of one.
+    // An earlier error is forgotten by the next run, but not by evaluations outside a run.
     assert_eq!(counted.errors.attempt(|| Err::<(), _>(Broken(7))), None);
     assert_eq!(
         (counted.errors.attempt(|| Ok(1)), counted.errors.flow()),

@@ -1,4 +1,4 @@
-//! Operators, correctors, lists, sets in two parameters, contact, monitors, programs and formulas.
+//! Operators, correctors, lists, sets in two parameters, contact, monitors, nonlinear programs and formulas.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use semismooth::sparse::Matrix;
 use super::maps::two_pieces;
 use super::{Counted, Curve, with_each_failing};
 
-/// 2 xᵢ + xᵢ³ = 1 by products.
+/// 2 xᵢ + xᵢ³ = 1 with products of its Jacobian only.
 struct Cubes<'c> {
     counted: &'c Counted,
     slopes: Vec<f64>,
@@ -100,7 +100,7 @@ fn corrections_and_lists() {
         all_solutions(&Lines(counted), 0.25, &options).map(|set| (set.solutions.len(), set.completeness))
     };
     with_each_failing(list, |partial, whole| {
-        // No list in which an evaluation failed is taken for a longer one.
+        // A failed evaluation never makes the list longer.
         let (found, all) = (partial.as_ref().map_or(0, |s| s.0), whole.as_ref().unwrap().0);
         assert!(all == 2 && found <= all);
     });
@@ -137,7 +137,7 @@ impl PiecewiseSmooth for Lines<'_> {
     }
 }
 
-/// y³ − β y = α, and for y < −9 with a slope of 2 more.
+/// y³ − β y = α, with an additional slope of 2 for y < −9.
 struct Family<'c>(&'c Counted);
 
 impl PiecewiseSmooth for Family<'_> {
@@ -194,7 +194,7 @@ fn sets_in_two_parameters() {
     }
 }
 
-/// One node of a body, with friction that falls with slip, or a load, that fail.
+/// One node of a body, with slip-weakening friction, or a load, that fail.
 fn block(
     counted: &Arc<Counted>,
     friction_fails: bool,
@@ -264,7 +264,7 @@ fn contact_problems_and_histories() {
     }
 }
 
-/// The map itself does not fail here.
+/// The map itself does not fail in this test.
 #[test]
 fn monitors() {
     let sound = Counted::new(usize::MAX);

@@ -54,7 +54,7 @@ fn meshes() -> Vec<Mesh> {
     ]
 }
 
-/// Linear displacements are reproduced exactly, by every kind of cell, with a general anisotropic tensor.
+/// Linear displacements are reproduced exactly, for every kind of cell, with a general anisotropic tensor.
 #[test]
 fn patch() {
     // A random positive definite matrix with the symmetries of an elasticity tensor.
@@ -127,7 +127,7 @@ fn rigid_motions() {
     }
 }
 
-/// A manufactured solution u = (sin πx sin πy, …): nodal errors in the mean fall with h².
+/// A manufactured solution u = (sin πx sin πy, …): nodal errors in the mean decrease as h².
 #[test]
 fn observed_order() {
     use std::f64::consts::PI;
@@ -173,7 +173,7 @@ fn observed_order() {
     }
 }
 
-/// Uniaxial tension: strain along E⁻¹ σ, across −ν E⁻¹ σ in plane stress; stiffer in plane strain; exact in space.
+/// Uniaxial tension: axial strain E⁻¹ σ, transverse −ν E⁻¹ σ in plane stress; stiffer in plane strain; exact in space.
 #[test]
 fn tension() {
     let (young, poisson) = (2.5, 0.3);
@@ -402,7 +402,7 @@ fn bad_input() {
             other => panic!("{other:?}"),
         }
     }
-    // Two squares apart, of which one is held: the other one is named by its first node.
+    // Two separate squares, one of them supported: the other one is named by its first node.
     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let points = [0.0, 2.0]
         .map(|at| corners.map(|[x, y]| [x + at, y, 0.0]))
@@ -507,7 +507,8 @@ fn bad_input() {
     }
 }
 
-/// Where all cells at a node are in a part of a body, so are its rows, loads and contact rows; the part may float and have empty groups.
+/// Nodes whose cells all belong to one part of a body have the same rows, loads and contact rows in the part; the part may float and have
+/// empty groups.
 #[test]
 fn parts() {
     let whole = Mesh::block([0.0; 3], [2.0, 1.0, 1.0], [4, 2, 2]).unwrap();

@@ -25,7 +25,7 @@ fn law() -> VonMises {
     law.with_hardening(0.2, 0.3).unwrap()
 }
 
-/// What a step to `strain` by the plastic increment `flow` costs: stored energy and dissipation.
+/// The incremental functional of a step to `strain` with the plastic increment `flow`: stored energy plus dissipation.
 fn cost(law: &VonMises, strain: &[f64; 6], before: &PlasticState, flow: &[f64; 6]) -> f64 {
     let square: f64 = (0..6)
         .map(|a| flow[a] * flow[a] * if a < 3 { 1.0 } else { 0.5 })
@@ -50,8 +50,8 @@ fn path(mut see: impl FnMut(&mut Numbers, &[f64; 6], &PlasticState)) {
     }
 }
 
-/// A step makes stored energy and dissipation least (M. Ortiz, L. Stainier, Comput. Methods Appl. Mech. Eng. 171 (1999)), and its stress is
-/// the derivative of the least value.
+/// A step minimises stored energy plus dissipation (M. Ortiz, L. Stainier, Comput. Methods Appl. Mech. Eng. 171 (1999)), and its stress is
+/// the derivative of the minimum.
 #[test]
 fn steps_are_minima() {
     let law = law();
@@ -146,7 +146,7 @@ fn tangents_are_newton_derivatives() {
     }
 }
 
-/// The work of the load that holds each step in balance is stored, dissipated, or the energy of the increment.
+/// The work of the load that keeps each step in equilibrium is stored, dissipated, or the energy of the increment.
 #[test]
 fn energy_is_balanced() {
     for (mut body, _) in histories() {
@@ -168,7 +168,7 @@ fn energy_is_balanced() {
     }
 }
 
-/// Before it yields a body of simplices is the elastic one, and moved supports make the forces of their load case.
+/// Before yielding a body of simplices is the elastic one, and displaced supports give the forces of their load case.
 #[test]
 fn simplices_are_elastic_before_they_yield() {
     for mut mesh in meshes().into_iter().step_by(2) {
@@ -191,7 +191,8 @@ fn simplices_are_elastic_before_they_yield() {
     }
 }
 
-/// Affine motions of the whole boundary give the stress of one point everywhere, in any mesh, also after the first step.
+/// Affine displacements of the whole boundary give the stress of a single material point everywhere, in any mesh, also after the first
+/// step.
 #[test]
 fn affine_motions_yield_evenly() {
     for mesh in meshes() {
@@ -248,7 +249,7 @@ fn affine_motions_yield_evenly() {
     }
 }
 
-/// A box that keeps its mean volume resists with its shear modulus alone, however little it can be compressed.
+/// A box whose mean volume is fixed resists with its shear modulus alone, however nearly incompressible it is.
 #[test]
 fn boxes_do_not_lock() {
     let bent = |poisson: f64| {

@@ -1,11 +1,11 @@
-//! The invariants of the fuzz targets under random bytes. What fuzzing has found stands as tests of its own next to what it concerns.
+//! The invariants of the fuzz targets under random bytes. What fuzzing has found is tested next to the code concerned.
 
 mod oracles;
 
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-/// Bytes of which few are huge or impossible numbers, so that most problems are ordinary.
+/// Bytes of which few encode huge, infinite or NaN numbers, so that most problems are ordinary.
 fn bytes(longest: usize) -> impl Strategy<Value = Vec<u8>> {
     vec(prop_oneof![9 => any::<u8>(), 1 => Just(127_u8)], 0..longest)
 }
@@ -23,7 +23,7 @@ proptest! {
         oracles::friction(&data);
     }
 
-    /// Lines of the right words in a wrong order.
+    /// Lines of valid words in a wrong order.
     #[test]
     fn files(words in vec(prop_oneof![
         Just("$MeshFormat\n"), Just("4.1 0 8\n"), Just("2.2 0 8\n"), Just("$EndMeshFormat\n"), Just("$Nodes\n"),

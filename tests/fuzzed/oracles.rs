@@ -1,5 +1,5 @@
-//! What is fuzzed: readers, the MCP solver, friction problems. Each function makes a problem of any bytes and panics where an
-//! invariant is hurt. The targets of `fuzz/` call them with coverage to guide them, `cargo test` with random bytes and with finds.
+//! What is fuzzed: readers, the MCP solver, friction problems. Each function makes a problem of any bytes and panics if an invariant is
+//! violated. The targets of `fuzz/` call them with coverage guidance, `cargo test` with random bytes and with past findings.
 
 use std::path::Path;
 use std::time::Duration;
@@ -30,7 +30,7 @@ impl Bytes<'_> {
         usize::from(self.byte()) % n
     }
 
-    /// A number on a coarse grid, so that degenerate problems are common; seldom a huge, tiny or impossible one.
+    /// A number on a coarse grid, so that degenerate problems are common; rarely a huge, tiny, infinite or NaN one.
     fn number(&mut self) -> f64 {
         let b = self.byte() as i8;
         match b {
@@ -44,7 +44,7 @@ impl Bytes<'_> {
     }
 }
 
-/// Every reader takes any bytes, and what a reader accepts is sound.
+/// Every reader survives any bytes, and what a reader accepts is valid.
 pub fn readers(data: &[u8]) {
     let none = Path::new("fuzz");
     if let Ok(mesh) = parse_gmsh(data, none) {
@@ -116,7 +116,7 @@ impl Terms {
     }
 }
 
-/// No panic, no endless loop, and what is called solved is solved.
+/// No panic, no endless loop, and what is reported solved is solved.
 pub fn mcp(data: &[u8]) {
     let mut bytes = Bytes(data);
     let n = 1 + bytes.below(4);
@@ -162,7 +162,7 @@ pub fn mcp(data: &[u8]) {
             assert!(inside, "{i} outside its bounds: {x:?}");
         }
     }
-    // Beyond, terms and their rounding overflow: what F is there cannot be told.
+    // Beyond 1e100 terms and their rounding overflow, so that F cannot be evaluated reliably.
     let numbers = [&terms.constant, &terms.linear, &terms.factor, &lower, &upper];
     let extreme = |v: &f64| v.is_finite() && v.abs() > 1e100;
     if report.is_solved() && !numbers.into_iter().flatten().any(extreme) {
@@ -207,8 +207,8 @@ pub fn friction(data: &[u8]) {
         return;
     };
     let (first, last) = (bytes.numbers(n), bytes.numbers(n));
-    // A direction 1e9 times stiffer than r has its facets within the distance at which they count as met, and loads that differ by
-    // 1e9 are told apart as far as that distance allows: such problems must end, and need not be solved.
+    // A direction 1e9 times stiffer than r has its facets within the distance at which they count as met, and loads that differ by 1e9 are
+    // distinguished only up to that distance: such problems must end, and need not be solved.
     let ordinary = [&g, &first, &last].into_iter().flatten().all(|v| v.abs() <= 1e3);
     let load = LoadPath::between(first, &last);
     let friction =

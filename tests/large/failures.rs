@@ -1,4 +1,4 @@
-//! Limits, observers that stop, and systems that break down: the best iterate is kept.
+//! Limits, observers that stop, and linear systems that break down: the best iterate is kept.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -15,8 +15,8 @@ use semismooth::sparse::SparseError;
 
 use crate::{block, constant, ground, rectangle, reduced_body};
 
-/// An observer ends a search wherever it is asked, within a linear solve, too, and is not asked again; from the best iterate, which comes back,
-/// the search goes on to the same solution.
+/// An observer ends a search at any call, also within a linear solve, and is not called again; a search from the best iterate, which is
+/// returned, ends at the same solution.
 #[test]
 fn observers_stop_searches() {
     let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
@@ -35,7 +35,7 @@ fn observers_stop_searches() {
     assert!(steps.iter().all(|k| *k > 1), "{steps:?}");
     assert_eq!(seen[1].residual, expected.iterations[0].residuals.largest());
     let largest = expected.forces.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-    // In the middle of the last step but one, and before the first iteration of the last one: what later ones reach may be a solution.
+    // In the middle of the last step but one, and before the first iteration of the last one: later iterates may be solutions.
     let last = starts.len();
     for stop in [0, 1, 3, starts[last - 4] + 1, starts[last - 2]] {
         let (mut calls, mut stopping) = (0, problem(ReducedOptions::default()));
@@ -57,7 +57,7 @@ fn observers_stop_searches() {
         let pairs = again.forces.iter().zip(&expected.forces);
         assert!(pairs.fold(0.0f64, |m, (a, b)| m.max((a - b).abs())) <= 1e-8 * largest);
     }
-    // In the attempts of the condensed form, which come where steps and load steps have ended.
+    // In the attempts of the condensed form, which follow after Newton steps and load steps have failed.
     let few = expected.newton() - 1;
     let options = ReducedOptions::default()
         .with_max_iterations(few)
@@ -76,7 +76,7 @@ fn observers_stop_searches() {
     );
 }
 
-/// A history stopped on the way to a level keeps the levels before, and goes on from there as if nothing had been.
+/// A history stopped on the way to a level keeps the levels before, and resumes from there as if uninterrupted.
 #[test]
 fn histories_stopped_on_the_way_go_on() {
     let system = rectangle([24, 12]);
@@ -113,7 +113,7 @@ fn histories_stopped_on_the_way_go_on() {
     for (a, b) in last.forces.iter().zip(&whole[2].report.forces) {
         assert!((a - b).abs() <= 1e-8 * largest);
     }
-    // From the beginning again, once slips and histories are forgotten.
+    // From the beginning again, once slips and histories have been reset.
     stopping
         .set_reference_slip(&vec![0.0; stopping.body().num_contacts()])
         .unwrap();
@@ -124,14 +124,14 @@ fn histories_stopped_on_the_way_go_on() {
     }
 }
 
-/// A diagonal matrix whose system breaks down at a given solve, or whose products are NaN from a given one on.
+/// A diagonal matrix whose linear solver breaks down at a given solve, or whose products are NaN from a given one on.
 struct Brittle {
     diagonal: Vec<f64>,
     constrained: Vec<usize>,
     added: Vec<(usize, usize, f64)>,
     solves: usize,
     products: usize,
-    /// The share of the right-hand side that its solves leave.
+    /// The fraction of the right-hand side that remains after a solve.
     left: f64,
 }
 
@@ -178,7 +178,7 @@ impl ReducedSystem for Brittle {
         Ok(())
     }
 
-    /// A share of what is left: Newton's method takes a few steps.
+    /// Solves inexactly, so that Newton's method takes a few steps.
     fn solve(&mut self, r: &[f64], d: &mut [f64], _: f64) -> Result<KrylovOutcome, LinearError> {
         self.solves = self.solves.saturating_sub(1);
         if self.solves == 0 {
@@ -201,8 +201,8 @@ impl ReducedSystem for Brittle {
     }
 }
 
-/// A system that breaks down leaves the best iterate before with its history and forces; products that are NaN are no solution, though
-/// no residual is larger than any number.
+/// A linear solver that breaks down leaves the best iterate so far with its history and forces; NaN products are not taken for a solution,
+/// although a NaN residual exceeds no tolerance.
 #[test]
 fn breakdowns_leave_the_best_iterate() {
     let solve = |solves: usize, products: usize, left: f64| {
@@ -218,7 +218,7 @@ fn breakdowns_leave_the_best_iterate() {
             panic!("{solves}");
         };
         assert_eq!((source, best.newton()), (LinearError::NotFactored, solves));
-        // Each step leaves a quarter of what is missing of u = (1/2, 1/8, 3, −1), which touches nothing.
+        // Each step leaves a quarter of the error of u = (1/2, 1/8, 3, −1), where no node is in contact.
         let left = 0.25f64.powi(solves as i32 - 1);
         for (u, exact) in best.displacements.iter().zip([0.5, 0.125, 3.0, -1.0]) {
             // The open node keeps some 1e-9 of r as stiffness.
@@ -234,7 +234,7 @@ fn breakdowns_leave_the_best_iterate() {
         }
         other => panic!("{other:?}"),
     }
-    // Steps that leave most of the right-hand side are not taken.
+    // Steps that leave most of the right-hand side are rejected.
     match solve(usize::MAX, usize::MAX, 0.75) {
         Err(ReducedError::Contact(ContactError::NotConverged { best })) => {
             assert_eq!(best.displacements, [0.0; 4]);
@@ -245,7 +245,7 @@ fn breakdowns_leave_the_best_iterate() {
     }
 }
 
-/// Coulomb's law, but that nodes which have slipped prescribe their slip and no force.
+/// Coulomb's law, except that nodes which have slipped prescribe their slip and no force.
 #[derive(Clone)]
 struct Driven(PlanarCoulomb);
 
@@ -277,7 +277,7 @@ impl NodeLaw for Driven {
     }
 }
 
-/// A law that cannot be eliminated ends the solve with the steps before, and the forces there.
+/// A law that cannot be eliminated ends the solve with the steps made so far, and their forces.
 #[test]
 fn laws_that_do_not_determine_forces_leave_the_best_iterate() {
     let system = rectangle([8, 4]);
@@ -300,7 +300,7 @@ fn laws_that_do_not_determine_forces_leave_the_best_iterate() {
     }
 }
 
-/// Time that is over before the hierarchy is made is told.
+/// Time that runs out before the multigrid hierarchy is built is reported.
 #[test]
 fn time_ends_the_making_of_a_problem() {
     let options = ReducedOptions::default().with_max_time(Some(Duration::ZERO));
@@ -312,7 +312,7 @@ fn time_ends_the_making_of_a_problem() {
     assert_eq!(made.err(), Some(ContactError::Linear(LinearError::Interrupted)));
 }
 
-/// A matrix beyond the range of numbers is told as such, not as one that is indefinite.
+/// A matrix that overflows is reported as such, not as indefinite.
 #[test]
 fn stiffness_beyond_the_range_of_numbers_is_refused() {
     let system = block([6, 6, 3], Material::isotropic(1e308, 0.3).unwrap());
@@ -329,10 +329,10 @@ fn stiffness_beyond_the_range_of_numbers_is_refused() {
     }
 }
 
-/// Both forms say what they need and are refused one byte below it; the condensed form is not tried where it would not fit beside
+/// Both forms report the memory they need and are refused with one byte less; the condensed form is not tried where it would not fit beside
 /// multigrid.
 #[test]
-fn memory_is_told_before_it_is_taken() {
+fn memory_is_reported_before_it_is_allocated() {
     let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
     let law = || OrthotropicCoulomb::isotropic(constant(0.3));
     let body = || reduced_body(&system, &ground(3));
@@ -352,7 +352,7 @@ fn memory_is_told_before_it_is_taken() {
             limit: needed - 1
         })
     );
-    // C, its half, and a Jacobian with its factors at least.
+    // C, half of it, and a Jacobian with its factors at least.
     let traces = 3 * body().num_contacts() as u64;
     assert!(needed > 8 * 5 * traces * traces);
 
@@ -378,7 +378,7 @@ fn memory_is_told_before_it_is_taken() {
     assert_eq!(wide.strategy, ReducedStrategy::Condensed);
 }
 
-/// Loads beyond the range of numbers and laws without a solution in reach end with the best iterate, which is finite.
+/// Loads that overflow and laws without a reachable solution end with the best iterate, which is finite.
 #[test]
 fn failures_carry_finite_iterates() {
     let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());

@@ -86,7 +86,7 @@ pub(crate) fn compare<L: NodeLaw + Clone>(body: ReducedBody, law: L, alphas: [f6
         assert!(off <= 1e-8 * size, "{:e}", off / size);
         let ours = problem.solution(alpha, &found.displacements).unwrap();
         let theirs = condensed.solution(&x).unwrap();
-        // The side to which frictionless nodes slip is rounding.
+        // The direction in which frictionless nodes slip is rounding.
         let kinds = |s: &[ContactState]| {
             s.iter()
                 .map(|s| (*s == ContactState::Open, s.is_slip()))
@@ -122,9 +122,9 @@ fn forces_of_a_block_in_space_are_those_of_the_condensed_form() {
     assert!(states.iter().all(|s| *s > 0), "{states:?}");
 }
 
-/// As long as nodes change their state linear systems are solved roughly; once they have come to rest Newton's method is superlinear.
+/// As long as nodes change their state linear systems are solved inexactly; once states are settled Newton's method is superlinear.
 #[test]
-fn systems_are_solved_no_further_than_states_are_known() {
+fn systems_are_solved_inexactly_until_states_settle() {
     let system = block([10, 10, 5], Material::isotropic(1.0, 0.277).unwrap());
     let law = OrthotropicCoulomb::isotropic(constant(0.3));
     let options = ReducedOptions::default();
@@ -138,7 +138,7 @@ fn systems_are_solved_no_further_than_states_are_known() {
         changed += 1;
     }
     assert!(changed > 1);
-    // The quickest fall of the residual is that of a system solved well.
+    // The fastest decrease of the residual belongs to a system solved accurately.
     let error = |k: usize| steps.get(k).map_or(&found.residuals, |s| &s.residuals).largest();
     let ratio = |k: &usize| error(k + 1) / error(*k);
     let best = (0..steps.len())
@@ -174,7 +174,7 @@ fn laws_in_the_plane_agree_with_the_condensed_form() {
     compare(body(), PlanarCoulomb::new(weakening(0.4)), [0.5, 1.0]);
 }
 
-/// What a search that was cut short says of its best iterate is what the iterate's displacements say, node by node.
+/// A search that was cut short reports the residuals of its best iterate that its displacements have, node by node.
 #[test]
 fn residuals_of_iterates_are_those_of_their_displacements() {
     fn judge<L: NodeLaw + Clone>(body: &ReducedBody, law: &L) {
@@ -221,8 +221,8 @@ fn curved_foundations_and_gaps_agree_with_the_condensed_form() {
     assert!(found.iterations.last().unwrap().states[0] > 0);
 }
 
-/// Where Newton's method is not given the steps that it needs, the load goes on step by step, then the condensed form is asked, then the
-/// best iterate comes back; all that is called solved is the same solution.
+/// Where Newton's method may not take the steps that it needs, the load is applied in steps, then the condensed form is tried, then the
+/// best iterate is returned; whatever is reported solved is the same solution.
 #[test]
 fn what_newton_does_not_solve_the_other_strategies_do() {
     let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
@@ -255,9 +255,9 @@ fn what_newton_does_not_solve_the_other_strategies_do() {
     assert!(best.residuals.largest() > 1e-10 && best.residuals.largest() < first);
 }
 
-/// Factors in the plane are thinner: the condensed form is asked with ten times as many displacements.
+/// Factors in the plane have less fill: the condensed form is tried up to ten times as many displacements.
 #[test]
-fn the_condensed_form_is_asked_up_to_a_size() {
+fn the_condensed_form_is_tried_up_to_a_size() {
     let cube = block([4, 4, 2], Material::isotropic(1.0, 0.277).unwrap());
     for (system, dim, share) in [(rectangle([24, 12]), 2, 10), (cube, 3, 1)] {
         let solve = |limit: usize| {
@@ -306,7 +306,7 @@ fn levels_of_a_history_are_those_of_the_condensed_form() {
     }
 }
 
-/// Levels from the line through those before end where the branch between them leads, and the changes of all nodes are counted.
+/// Levels started by extrapolation from those before end where the branch between them leads, and the changes of all nodes are counted.
 #[test]
 fn histories_are_those_of_the_condensed_form() {
     let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
@@ -338,7 +338,7 @@ fn histories_are_those_of_the_condensed_form() {
         let largest = step.x[..forces.len()].iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let apart = forces.iter().zip(&step.x).map(|(a, b)| (a - b).abs());
         assert!(apart.fold(0.0, f64::max) <= 1e-8 * largest, "{}", step.level);
-        // The same states but where a node is on the border of two, up to rounding.
+        // The same states except where a node is on the boundary of two states, up to rounding.
         let (own, other) = (&level.solution, &step.solution);
         let largest = |f: fn(&LocalValues) -> f64| other.nodes.iter().map(f).fold(0.0, f64::max);
         let (pressure, slip) = (largest(|v| v.pressure), largest(LocalValues::slip_norm));
@@ -364,7 +364,7 @@ fn histories_are_those_of_the_condensed_form() {
     assert_eq!(stopped.unwrap().len(), 1);
 }
 
-/// Without loads and gaps nothing moves, and nothing is missing of equilibrium.
+/// Without loads and gaps nothing moves, and equilibrium is exact.
 #[test]
 fn a_body_at_rest_is_in_equilibrium() {
     let system = rectangle([4, 2]);
@@ -381,7 +381,7 @@ fn a_body_at_rest_is_in_equilibrium() {
     );
 }
 
-/// A size at which products, sweeps and sums are split.
+/// A size at which products, sweeps and sums are split between threads.
 #[cfg(feature = "rayon")]
 #[test]
 fn results_have_the_same_bits_on_any_number_of_threads() {
@@ -412,9 +412,9 @@ fn results_have_the_same_bits_on_any_number_of_threads() {
     }
 }
 
-/// Where friction weakens, whole steps of Newton's method lead back and forth; parts of them lead on, and no other strategy is needed.
+/// Where friction weakens, full Newton steps cycle; damped steps converge, and no other strategy is needed.
 #[test]
-fn parts_of_steps_lead_to_solutions() {
+fn damped_steps_lead_to_solutions() {
     let body = || reduced_body(&rectangle([48, 24]), &ground(2));
     for first in [0.8, 1.2] {
         let law = PlanarCoulomb::new(weakening(first));
@@ -429,7 +429,7 @@ fn parts_of_steps_lead_to_solutions() {
     }
 }
 
-/// What the search in the displacements took before the condensed form solved the problem is part of the account.
+/// The time of the search in the displacements before the condensed form solved the problem is included.
 #[test]
 fn times_of_all_strategies_add_up() {
     let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());

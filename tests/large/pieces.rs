@@ -1,4 +1,4 @@
-//! Bodies of several pieces: what moves without forces, and loads that nothing balances.
+//! Bodies of several disconnected pieces: motions without forces, and loads that nothing balances.
 
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactError, FullContact, LoadPath, OrthotropicCoulomb, PlanarCoulomb,
@@ -24,7 +24,8 @@ fn places(system: &ElasticSystem) -> (Vec<[usize; 2]>, Vec<[f64; 3]>) {
     (place, points)
 }
 
-/// Copies of a body beside one another, each without a part of the layer of cells that holds it, and with something on its diagonal.
+/// Copies of a body beside one another, each less a multiple of the layer of cells that supports it, and with a multiple added to its
+/// diagonal.
 fn pieces(system: &ElasticSystem, layer: &ElasticSystem, without: &[f64], more: f64) -> NodalMatrix {
     let n = system.num_free();
     let ((place, points), (lost, lost_points)) = (places(system), places(layer));
@@ -51,8 +52,8 @@ fn pieces(system: &ElasticSystem, layer: &ElasticSystem, without: &[f64], more: 
     NodalMatrix::new(&a, all, &unknowns, 3).unwrap()
 }
 
-/// Floating and half-held bodies, one of two pieces that floats, and matrices of negative stiffness in what is smooth, where each node by
-/// itself resists: told when the problem is made, before anything is solved, in both forms.
+/// Floating and partially supported bodies, one of two pieces that floats, and matrices with negative stiffness in smooth motions, although
+/// each node by itself resists: reported when the problem is made, before anything is solved, in both forms.
 #[test]
 fn what_nothing_holds_is_refused() {
     let material = || Material::isotropic(1.0, 0.277).unwrap();
@@ -89,7 +90,7 @@ fn what_nothing_holds_is_refused() {
     let all = "translation along x, translation along y, translation along z, rotation about x, rotation about y, rotation about z";
     let (reduced, condensed) = held(&[1.0], 0.0);
     assert_eq!((modes(&reduced).2.as_str(), &reduced), (all, &condensed));
-    // The second of two pieces; what is left of it begins behind the layer.
+    // The second of two pieces; the rest of it begins behind the layer.
     let (reduced, condensed) = held(&[0.0, 1.0], 0.0);
     assert_eq!(reduced, condensed);
     let (displacement, at, names) = modes(&reduced);
@@ -98,7 +99,7 @@ fn what_nothing_holds_is_refused() {
         "{at:?}"
     );
     assert_eq!(names, all);
-    // A body held from above alone, after what held it at one end has gone.
+    // A body supported from above only, after the support at one end has been removed.
     let under = |from: f64, cells: usize| {
         let mesh = Mesh::block([from, 0.0, 0.0], [2.0, 2.0, 1.0], [cells, 6, 4]).unwrap();
         let body = Elasticity::new(mesh, material())
@@ -117,10 +118,10 @@ fn what_nothing_holds_is_refused() {
     );
 }
 
-/// Without positions the condensed form names a displacement that moves: a bar of two springs that floats, alone and beside one that is held,
-/// one that turns about its end, and one of negative stiffness, in which nothing moves without forces.
+/// Without positions the condensed form names a displacement that moves: a bar of two springs that floats, alone and beside a supported
+/// one, a bar that rotates about its end, and one of negative stiffness, in which nothing moves without forces.
 #[test]
-fn motions_are_told_without_positions() {
+fn motions_are_named_without_positions() {
     let refused = |entries: &[(usize, usize, f64)], n: usize| {
         let a = Matrix::from_triplets(n, n, entries).unwrap();
         let row = |k: usize| Matrix::from_triplets(1, n, &[(0, k, 1.0)]).unwrap();
@@ -136,7 +137,7 @@ fn motions_are_told_without_positions() {
         })
     };
     let spring = |i: usize, j: usize, k: f64| [(i, i, k), (j, j, k), (i, j, -k), (j, i, -k)];
-    // Two motions of one piece, u₀ + c u₁ = 0 among them: the second node moves more.
+    // Two motions of one piece, u₀ + c u₁ = 0 among them: the second node moves further.
     let lever = [(0, 0, 1.0), (0, 1, 0.5), (1, 0, 0.5), (1, 1, 0.25)];
     assert_eq!(
         refused(&lever, 2),
@@ -167,10 +168,10 @@ fn motions_are_told_without_positions() {
     );
 }
 
-/// A block that nothing holds and that is pulled off the ground: nothing balances that, and the work of the load in that motion is its
-/// resultant. Pressed, and pushed against friction, it stays.
+/// A block without supports that is pulled off the ground: nothing balances the load, and its work in that motion is its resultant.
+/// Pressed, and pushed against friction, it stays.
 #[test]
-fn loads_that_nothing_balances_are_told() {
+fn loads_that_nothing_balances_are_reported() {
     let system = block([4, 3, 2], Material::isotropic(1.0, 0.277).unwrap());
     let mesh = Mesh::block([0.0; 3], [0.5, 2.0, 1.0], [1, 3, 2]).unwrap();
     let layer = Elasticity::new(mesh, Material::isotropic(1.0, 0.277).unwrap()).fix("left");
@@ -201,7 +202,7 @@ fn loads_that_nothing_balances_are_told() {
             assert_eq!(place[displacement][1], component);
             assert_eq!(at, Some(points[place[displacement][0]]));
             let total = force * points.len() as f64;
-            // Nodes count by their stiffness: it is not quite a translation.
+            // Nodes are weighted by their stiffness: the motion is not quite a translation.
             assert!((work - total).abs() <= 1e-3 * total, "{work} {total}");
         }
         other => panic!("{other:?}"),
@@ -210,7 +211,8 @@ fn loads_that_nothing_balances_are_told() {
     assert!(solve([2e-5, 0.0, -1e-4], 0.3).is_ok());
 }
 
-/// Contact holds what supports do not, in the full form: a block that floats, pressed on the ground by less friction than it is pulled with.
+/// Contact carries what supports do not, in the full form: a floating block, pressed on the ground and pulled with less than the friction
+/// bound.
 #[test]
 fn the_full_form_takes_pieces_that_contact_alone_holds() {
     let system = block([4, 3, 2], Material::isotropic(1.0, 0.277).unwrap());

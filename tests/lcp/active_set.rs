@@ -18,7 +18,7 @@ fn solve(lcp: &Lcp) -> (ActiveSetStatus, Vec<f64>, f64, usize) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// On P matrices the method is finite, from any start and sets.
+    /// For P matrices the method terminates at the solution from any start and active sets.
     #[test]
     fn p_matrices(
         g in reals(N * N),
@@ -45,8 +45,8 @@ proptest! {
         }
     }
 
-    /// Unknowns without load, of which nothing else is in their rows, are zero: what solves with pivots of other rows leave of
-    /// them is no solution of rows that have no other terms.
+    /// Unknowns whose rows contain nothing else and have no load are zero: rounding from pivots of other rows is no solution of rows
+    /// without other terms.
     #[test]
     fn unloaded_unknowns_are_zero(a in reals(4), b in reals(4), c in reals(4), q in reals(2)) {
         let definite = |g: &[f64], i: usize, j: usize| {
@@ -67,7 +67,7 @@ proptest! {
         prop_assert!(listed(&enumerate(&lcp), &z), "{z:?}");
     }
 
-    /// Whatever the matrix, what is called solved is a solution.
+    /// Whatever the matrix, what is reported solved is a solution.
     #[test]
     fn any_matrix(m in small_integers(N * N), q in small_integers(N)) {
         let lcp = Lcp::new(matrix(N, |i, j| m[i * N + j]), q).unwrap();
@@ -80,8 +80,8 @@ proptest! {
     }
 }
 
-/// A string over a flat obstacle, 2 z₁ − z₂ = 1, … , in units of rows and unknowns that lie up to 2⁸⁰ apart, from starts up to the ends of the
-/// range of numbers: z = (1/4, 1/2, 3/4, 0, 0) with the third unknown held at 3/4 from above and the load −3 on the last.
+/// A string over a flat obstacle, 2 z₁ − z₂ = 1, … , in units of rows and unknowns up to 2⁸⁰ apart, from starts up to the ends of the range
+/// of numbers: z = (1/4, 1/2, 3/4, 0, 0) with the upper bound 3/4 of the third unknown active and the load −3 on the last.
 #[test]
 fn neither_units_nor_starts_far_out_change_the_solution() {
     let n = 5;
@@ -116,7 +116,7 @@ fn neither_units_nor_starts_far_out_change_the_solution() {
     }
 }
 
-/// Unknowns whose units differ by up to 1e12, systems solved iteratively: what is solved is so by the terms of each row.
+/// Unknowns whose units differ by up to 1e12, iterative linear solves: what is reported solved is so relative to the terms of each row.
 #[test]
 fn iterative_solves_know_the_units_of_each_unknown() {
     let mut random = Random::new(16);
@@ -157,7 +157,7 @@ fn iterative_solves_know_the_units_of_each_unknown() {
     assert!(solved > 2900, "{solved}");
 }
 
-/// Entries and starts of any size that numbers have: whatever becomes of them, nothing panics, and what is called solved is so.
+/// Entries and starts of any floating-point size: nothing panics, and what is reported solved is a solution.
 #[test]
 fn sizes_at_the_ends_of_the_range_are_survived() {
     let told = Lcp::new(
@@ -224,7 +224,7 @@ fn a_right_start_takes_one_iteration() {
     assert_eq!((report.iterations, far), (1, solution));
 }
 
-/// w vanishes with z at a bound, but for rounding: that is no reason to leave the bound, whatever else has to change.
+/// w vanishes together with z at a bound, up to rounding: that is no reason to leave the bound, whatever else has to change.
 #[test]
 fn degenerate_components_stay_at_their_bounds() {
     let mut below = 0;
@@ -251,7 +251,7 @@ fn degenerate_components_stay_at_their_bounds() {
     assert!(below > 10, "{below}");
 }
 
-/// A free component that rests on its bound, but for rounding, has no reason to be held there.
+/// A free component that lies on its bound up to rounding has no reason to be fixed there.
 #[test]
 fn free_components_may_rest_on_their_bounds() {
     let mut below = 0;
@@ -314,7 +314,7 @@ fn membrane_in_a_stream(m: usize, [bx, by]: [f64; 2]) -> Lcp {
     Lcp::boxed(matrix, vec![-0.3 * h * h; n], lower, upper).unwrap()
 }
 
-/// Solves with the diagonal.
+/// Diagonal preconditioner.
 #[derive(Default)]
 struct Jacobi(Vec<f64>);
 
@@ -345,7 +345,7 @@ fn iterative_and_direct_routes_agree_on_unsymmetric_systems() {
         let mut z = vec![0.0; lcp.len()];
         let report = solver.solve(lcp, &mut z).unwrap();
         assert_eq!(report.status, ActiveSetStatus::Solved);
-        // 1e-11 of the size of rows and of z is what an iterative route is asked for.
+        // Iterative solves are required to reach 1e-11 relative to the sizes of rows and of z.
         assert!(lcp.natural_residual(&z, &mut z.clone()).unwrap() < 1e-11);
         (z, solver.states().to_vec(), report.linear_iterations)
     }
@@ -361,14 +361,14 @@ fn iterative_and_direct_routes_agree_on_unsymmetric_systems() {
         for other in [by_factors, by_diagonal] {
             assert!(z.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-9));
         }
-        // Incomplete factors are worth their price.
+        // Incomplete factors pay off.
         assert!(0 < with_factors && 2 * with_factors < with_diagonal);
     }
 }
 
 #[test]
 fn a_preconditioner_that_fails_is_not_hidden() {
-    /// Turns everything into zero, so that no direction is left.
+    /// Maps everything to zero, so that no direction is left.
     struct Nothing;
     impl Preconditioner for Nothing {
         fn prepare(&mut self, _: MatrixRef<'_>) -> Result<(), LinearError> {
@@ -385,9 +385,9 @@ fn a_preconditioner_that_fails_is_not_hidden() {
     assert_eq!(report.status, ActiveSetStatus::Inaccurate);
 }
 
-/// Limits on iterations end the run, and no point that was not solved for passes for a solution.
+/// Limits on iterations end the run, and no unsolved point is reported as a solution.
 #[test]
-fn iterative_solves_are_given_up_when_told() {
+fn iterative_solves_end_at_their_limits() {
     let lcp = membrane_in_a_stream(15, [0.0, 0.0]);
     let status = |limit: usize, gmres: bool| {
         let mut z = vec![0.0; lcp.len()];
@@ -493,7 +493,7 @@ fn string_over_a_parabola() {
     }
 }
 
-/// Bounds on some unknowns only: coarse levels, which have bounds where their representatives do, hand none down to the others.
+/// Bounds on some unknowns only: coarse levels, which have bounds where their representatives do, must not pass them on to the others.
 #[test]
 fn unknowns_without_bounds_inherit_none() {
     let mut random = Random::new(4);
@@ -539,7 +539,7 @@ fn run<R: ReducedSolver>(lcp: &Lcp, reduced: R, start: &[f64]) -> (ActiveSetStat
     (report.status, z)
 }
 
-/// Conjugate gradients refuse what is not positive definite on its diagonal, instead of leaving the unknown out.
+/// Conjugate gradients reject a diagonal that is not positive, instead of leaving the unknown out.
 #[test]
 fn a_free_unknown_without_positive_diagonal_is_singular() {
     let n = 15;

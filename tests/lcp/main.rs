@@ -128,7 +128,7 @@ proptest! {
         }
     }
 
-    /// Positive semidefinite: solvable exactly if feasible, and Lemke's method tells, with a certificate.
+    /// Positive semidefinite: solvable exactly if feasible, and Lemke's method decides, with a certificate.
     #[test]
     fn positive_semidefinite(g in small_integers(2 * N), s in small_integers(N * N), q in small_integers(N)) {
         let lcp = Lcp::new(matrix(N, |i, j| {
@@ -157,7 +157,7 @@ proptest! {
         prop_assert!(listed(&enumerate(&lcp), &z));
     }
 
-    /// The pattern of a matrix is of no consequence.
+    /// The sparsity pattern of a matrix does not matter.
     #[test]
     fn sparse_matrices(m in small_integers(N * N), q in reals(N), shift in 4.5..6.0f64) {
         let entry = |i: usize, j: usize| {
@@ -176,7 +176,7 @@ proptest! {
         prop_assert!(z.iter().zip(&full).all(|(a, b)| (a - b).abs() < 1e-12));
     }
 
-    /// Any matrix: what is called solved is listed, and a certificate is never given to a solvable problem.
+    /// Any matrix: what is reported solved is listed, and a solvable problem never gets a certificate of infeasibility.
     #[test]
     fn any_matrix(m in small_integers(N * N), q in small_integers(N)) {
         let lcp = Lcp::new(matrix(N, |i, j| m[i * N + j]), q).unwrap();
@@ -205,7 +205,8 @@ proptest! {
     }
 }
 
-/// At the solution all terms of some rows are rounding of the largest component: neither their sign nor their relative size says anything.
+/// At the solution all terms of some rows are rounding of the largest component: neither their signs nor their relative sizes mean
+/// anything.
 #[test]
 fn rows_of_rounding_are_rows_of_zeros() {
     let m = [
@@ -260,7 +261,7 @@ fn lemke_stops_at_its_limit_on_exponential_families() {
     assert!(z[0] == 1.0 && z[1..].iter().all(|z| *z == 0.0), "{z:?}");
 }
 
-/// w₂ = z₁ + z₂ − 1 − e at z₁ = 1: z₂ = e, however small that is against the terms.
+/// w₂ = z₁ + z₂ − 1 − e at z₁ = 1: z₂ = e, however small that is compared with the terms.
 #[test]
 fn small_violations_are_violations() {
     for e in [1e-3, 1e-4, 1e-6, 1e-8] {
@@ -275,7 +276,7 @@ fn small_violations_are_violations() {
     }
 }
 
-/// The solution of three equations, by Cramer's rule; of small integers, so that what is not 0 is not small.
+/// The solution of three equations, by Cramer's rule; entries are small integers, so that nonzero numbers are not small.
 fn cramer(rows: [[f64; 4]; 3]) -> Option<[f64; 3]> {
     let det = |c: [usize; 3]| -> f64 {
         let at = |i: usize, j: usize| rows[i][c[j]];
@@ -290,8 +291,8 @@ fn cramer(rows: [[f64; 4]; 3]) -> Option<[f64; 3]> {
     (d != 0.0).then(|| [det([3, 1, 2]) / d, det([0, 3, 2]) / d, det([0, 1, 3]) / d])
 }
 
-/// Lemke's method calls a problem infeasible only where no z ≥ l has M z + q ≥ 0. Three inequalities bound z, so that the set has a vertex
-/// if it has a point: all are tried.
+/// Lemke's method reports infeasibility only where no z ≥ l has M z + q ≥ 0. Three inequalities bound z, so that the set has a vertex if it
+/// is nonempty: all are tried.
 #[test]
 fn what_is_called_infeasible_has_no_feasible_point() {
     let mut random = random::Random::new(14);

@@ -174,7 +174,7 @@ fn large_sparse_systems() {
         assert!((dot - 0.25).abs() < 1e-12 * size);
         h.mul_vec(&t, &mut image);
         assert!(image.iter().all(|y| y.abs() < 1e-12));
-        // With the tangent as a hint nothing is chosen anew.
+        // With the tangent as a hint the frozen coordinate stays the same.
         let (k, made) = (b.frozen(), b.factorisations());
         b.factor(&h, Some(&t)).unwrap();
         assert_eq!((b.frozen(), b.factorisations()), (k, made + 1), "fold {fold}");
@@ -203,7 +203,7 @@ fn a_large_arrow_keeps_its_frozen_coordinate() {
     assert_eq!(b.factorisations(), 3);
 }
 
-/// A solver of the user's own, which knows no determinants: diagonal matrices.
+/// A solver of the user, which provides no determinants: diagonal matrices.
 #[derive(Default)]
 struct Diagonal(Vec<f64>);
 

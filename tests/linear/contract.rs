@@ -1,4 +1,4 @@
-//! The contract of the solver seam: determinants, reuse, misuse; Cholesky and kernels.
+//! The contract of linear solvers: determinants, reuse, misuse; Cholesky and kernels.
 
 use crate::random::Random;
 use crate::support::{check_solves, dense, factored, general_solvers, laplacian, sparse};
@@ -82,7 +82,7 @@ fn cholesky_solves_and_refuses() {
         let (lu_sign, lu_log) = lu.log_det().unwrap();
         assert_eq!((sign, lu_sign), (1, 1));
         assert!((log - lu_log).abs() < 1e-9 * log.abs().max(1.0));
-        // What stands above the diagonal is not read.
+        // Entries above the diagonal are not read.
         let mut b = a.clone();
         let values: Vec<f64> = a
             .triplets()
@@ -132,7 +132,7 @@ fn refactoring_reuses_the_analysis() {
             solver.factor(b.as_ref()).unwrap();
             check_solves(&mut solver, &b, 2, &mut rng, 1e-13);
         }
-        // A failure leaves the solver usable, and no old factors behind.
+        // A failure leaves the solver usable, without old factors.
         let mut b = a.clone();
         b.values_mut()[3] = f64::NAN;
         let e = solver.factor(b.as_ref()).unwrap_err();
@@ -218,7 +218,7 @@ fn bad_input_is_an_error() {
         assert!(matches!(e, LinearError::NotFinite { .. }), "{name}: {e}");
         let mut none: [f64; 0] = [];
         s.solve_in_place(&mut none).unwrap();
-        // Overflow of the solution is no answer either.
+        // An overflow of the solution is an error, too.
         let mut tiny = a.clone();
         tiny.values_mut().iter_mut().for_each(|v| *v *= 1e-300);
         s.factor(tiny.as_ref()).unwrap();

@@ -1,4 +1,4 @@
-//! Krylov methods against elimination, against each other, and where they cannot go on.
+//! Krylov methods against elimination, against each other, and where they break down.
 
 use super::random::Random;
 use proptest::prelude::*;
@@ -24,7 +24,7 @@ fn from_full(n: usize, entry: impl Fn(usize, usize) -> f64) -> Matrix {
     Matrix::from_rows(&rows).unwrap()
 }
 
-/// A matrix with another one as preconditioner, which is applied by elimination.
+/// A matrix with another one as preconditioner, applied by elimination.
 struct With<'a> {
     a: &'a Matrix,
     near: DenseLu,
@@ -77,7 +77,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn residuals_told_are_the_true_ones_at_every_iteration((n, e, f, b) in systems()) {
+    fn reported_residuals_are_the_true_ones_at_every_iteration((n, e, f, b) in systems()) {
         let (spd, indefinite, p) = (definite(n, &e), symmetric(n, &f), definite(n, &f));
         for limit in 1..=n {
             for (a, method) in [
@@ -106,7 +106,7 @@ proptest! {
                 let mut x = b.clone();
                 method.with_max_iterations(limit).solve(&mut a, &mut x, 1e-12).unwrap().residual
             };
-            // Lanczos vectors lose their orthogonality only once something has converged.
+            // Lanczos vectors lose their orthogonality only once a Ritz value has converged.
             let (short, long) = (of(Krylov::minres()), of(Krylov::gmres(n)));
             prop_assert!((short - long).abs() < 1e-6, "{} {}", short, long);
         }
@@ -175,7 +175,7 @@ fn only_the_flexible_method_bears_a_preconditioner_that_changes() {
 }
 
 #[test]
-fn what_cannot_go_on_says_so_and_keeps_the_best() {
+fn breakdowns_are_reported_and_keep_the_best_iterate() {
     let mut saddle = Matrix::from_rows(&[[1.0, 0.0], [0.0, -1.0]]).unwrap();
     let mut x = [1.0, 1.0];
     let report = Krylov::cg().solve(&mut saddle, &mut x, 1e-10).unwrap();
@@ -183,7 +183,7 @@ fn what_cannot_go_on_says_so_and_keeps_the_best() {
         (report.end, report.residual, x),
         (KrylovEnd::Breakdown, 1.0, [0.0; 2])
     );
-    // The least-squares solution of a singular system, with the residual that stays: (1, 0) for (1, 1).
+    // The least-squares solution of a singular system, with the remaining residual: (1, 0) for (1, 1).
     let mut singular = Matrix::from_rows(&[[1.0, 0.0], [0.0, 0.0]]).unwrap();
     for mut method in [Krylov::minres(), Krylov::gmres(5), Krylov::flexible_gmres(5)] {
         let mut x = [1.0, 1.0];
@@ -216,10 +216,10 @@ fn what_cannot_go_on_says_so_and_keeps_the_best() {
     );
 }
 
-/// Singular systems without a solution, and products near the ends of the range of numbers: what recurrences say drifts away from the residual, which
-/// is measured; no x is worse than 0, and none is infinite.
+/// Singular inconsistent systems, and products near the ends of the range of numbers: recurrences drift away from the true residual, which
+/// is computed; no x is worse than 0, and none is infinite.
 #[test]
-fn residuals_told_are_those_of_x() {
+fn reported_residuals_are_those_of_x() {
     let mut random = Random::new(11);
     for round in 0..400 {
         let n = 2 + round % 5;
@@ -277,7 +277,7 @@ fn residuals_told_are_those_of_x() {
     }
 }
 
-/// Finite for so many products.
+/// Finite for this number of products.
 struct Breaking(usize);
 
 impl LinearOperator for Breaking {
@@ -342,7 +342,7 @@ fn multigrid_takes_as_many_iterations_on_every_grid() {
     let run = |m: usize, mut multigrid: Multigrid, change: f64| {
         let a = laplacian(m, |_| 0.0);
         multigrid.prepare(a.as_ref()).unwrap();
-        // Values over the same pattern, with a jump.
+        // Other values on the same pattern, with a jump.
         let a = laplacian(m, |k| if k % m < m / 3 { change } else { 0.0 });
         multigrid.prepare(a.as_ref()).unwrap();
         let b: Vec<f64> = (0..m * m).map(|k| ((k * k) as f64).cos()).collect();
@@ -400,7 +400,7 @@ fn block_diagonals_are_their_blocks() {
     let mut expected = b.clone();
     for (from, to) in [(0, 10), (10, 16)] {
         let part = from_full(to - from, |i, j| a.get(from + i, from + j));
-        // Full patterns leave nothing out, those of the blocks do.
+        // Full patterns drop nothing, those of the blocks do.
         let block = Matrix::from_triplets(
             to - from,
             to - from,

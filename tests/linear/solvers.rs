@@ -1,4 +1,4 @@
-//! General solvers: every answer is checked by reconstruction, every dead end by its error.
+//! General solvers: each answer is checked by its residual, each failure by its error.
 
 use crate::random::Random;
 use crate::support::{check_solves, dense, factored, general_solvers, laplacian, residual, sparse};
@@ -77,7 +77,7 @@ fn units_do_not_make_a_matrix_singular() {
     for n in [2, 4, 6, 60] {
         let base = sparse(n, 2, 3.0, &mut rng);
         let mut a = base.clone();
-        // Small matrices in wild units, larger ones in two systems of them (GPa and m against Pa and nm).
+        // Small matrices in extreme units, larger ones in two systems of units (GPa and m against Pa and nm).
         let mut units = |up: bool| match (n < 10, up) {
             (true, _) => 10_f64.powf(12.0 * rng.symmetric()),
             (false, true) => 1e9,
@@ -89,7 +89,7 @@ fn units_do_not_make_a_matrix_singular() {
         a.values_mut().copy_from_slice(&scaled);
         for (name, solver) in general_solvers() {
             let mut solver = factored(solver, &a).unwrap_or_else(|e| panic!("{name} {n}: {e}"));
-            // In the unscaled unknowns the error is small entry by entry, whatever the condition number is in these units.
+            // In the unscaled unknowns the error is small componentwise, whatever the condition number in these units.
             let y = rng.vector(n, 1.0);
             let mut b = vec![0.0; n];
             base.mul_vec(&y, &mut b);
@@ -105,7 +105,7 @@ fn units_do_not_make_a_matrix_singular() {
     assert!(factored(Cholesky::new(), &diagonal).is_ok());
 }
 
-/// Units of equations and unknowns make no well conditioned matrix look like an ill conditioned one, and none the other way round.
+/// Units of equations and unknowns make no well-conditioned matrix look ill-conditioned, nor the reverse.
 #[test]
 fn condition_numbers_do_not_depend_on_units() {
     let mut rng = Random::new(41);
@@ -186,7 +186,7 @@ fn hilbert_is_an_error_or_a_small_residual() {
 }
 
 #[test]
-fn growth_of_pivots_is_no_silent_wrong_answer() {
+fn growth_of_pivots_gives_no_silent_wrong_answer() {
     // Wilkinson's matrix: entries grow to 2^(n-1).
     for n in [45, 70] {
         let mut a = Matrix::zeros(Pattern::full(n, n));
@@ -263,7 +263,7 @@ fn blocked_elimination_meets_structural_singularity_and_nan() {
     let mut rng = Random::new(53);
     for round in 0..60 {
         let n = 20 + round;
-        // A few columns share too few rows; the rest is dense enough to be eliminated by blocks.
+        // A few columns have entries in too few rows; the rest is dense enough to be eliminated by blocks.
         let (crowd, rows) = (2 + round % 7, 1 + round % 5);
         let crowd = crowd.max(rows + 1);
         let mut t = Vec::new();
@@ -285,7 +285,7 @@ fn blocked_elimination_meets_structural_singularity_and_nan() {
             assert!(matches!(e, LinearError::Singular { .. }), "{n}: {e}");
         }
     }
-    // By blocks the determinant is unknown, unless asked for.
+    // With blocked elimination the determinant is unknown, unless it is requested.
     let a = dense(300, &mut rng);
     assert_eq!(factored(SparseLu::new(), &a).unwrap().log_det(), None);
     assert!(

@@ -1,12 +1,12 @@
-//! What maps written for tests share.
+//! Shared code of the maps written for tests.
 #![allow(dead_code, unused_imports, unused_macros)]
 
 mod plane;
 
 pub(crate) use plane::{Function, Plane};
 
-/// The first methods of a map whose sites have two pieces each, told apart by the sign of one test function: which sign goes with which
-/// piece, and the numbers of variables, residuals and sites.
+/// The first methods of a map whose sites have two pieces each, distinguished by the sign of one test function; the arguments are the sign
+/// of each piece and the numbers of variables, residuals and sites.
 macro_rules! two_pieces {
     ($self:ident, [$first:ident, $second:ident], $vars:expr, $residuals:expr, $sites:expr) => {
         fn num_vars(&$self) -> usize {
@@ -33,7 +33,7 @@ macro_rules! two_pieces {
 }
 pub(crate) use two_pieces;
 
-/// The same of a smooth map.
+/// The same for a smooth map.
 macro_rules! one_piece {
     ($self:ident, $vars:expr, $residuals:expr) => {
         fn num_vars(&$self) -> usize {
@@ -59,7 +59,7 @@ macro_rules! one_piece {
 }
 pub(crate) use one_piece;
 
-/// Methods that do what those of a field do.
+/// Methods delegated to a field.
 macro_rules! hand_on {
     ($field:tt: $(fn $name:ident(&self $(, $arg:ident: $type:ty)*) $(-> $out:ty)?;)*) => {
         $(fn $name(&self $(, $arg: $type)*) $(-> $out)? { self.$field.$name($($arg),*) })*
@@ -67,7 +67,7 @@ macro_rules! hand_on {
 }
 pub(crate) use hand_on;
 
-/// The sizes and cells of a map in a field.
+/// The sizes and cells of a map, delegated to a field.
 macro_rules! same_cells {
     ($field:tt) => {
         $crate::maps::hand_on! {
@@ -83,7 +83,7 @@ macro_rules! same_cells {
 }
 pub(crate) use same_cells;
 
-/// The mechanics of a node law in a field.
+/// The mechanics of a node law, delegated to a field.
 macro_rules! same_mechanics {
     ($field:tt) => {
         $crate::maps::hand_on! {

@@ -17,7 +17,7 @@ impl Plane {
         Self::within(f, &[])
     }
 
-    /// One curved piece, in whose cell all tests are positive.
+    /// One curved piece, in whose cell all test functions are positive.
     pub(crate) fn within(piece: Function, tests: &[Function]) -> Self {
         Self {
             pieces: vec![piece],

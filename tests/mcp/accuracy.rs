@@ -1,4 +1,4 @@
-//! "Solved" is a residual measured at the point returned, relative to the terms of its rows, in all units.
+//! "Solved" means a small residual at the point returned, relative to the terms of its rows, in all units.
 
 use std::path::Path;
 
@@ -60,7 +60,7 @@ fn scaled<'a, F: McpFunction>(problem: &'a Mcp<F>, row: &[f64], col: &[f64]) -> 
     Mcp::new(function, bounds(problem.lower()), bounds(problem.upper())).unwrap()
 }
 
-/// The largest error relative to the terms of rows, by its definition; far out along no direction.
+/// The largest error relative to the terms of rows, by definition; without directions to infinity.
 fn error<F: McpFunction>(problem: &Mcp<F>, x: &[f64]) -> f64 {
     let n = x.len();
     let (mut f, mut jac) = (vec![0.0; n], Matrix::zeros(problem.jacobian_pattern().clone()));
@@ -90,7 +90,7 @@ fn run<F: McpFunction>(problem: &Mcp<F>, start: &[f64]) -> (Vec<f64>, McpReport)
     let report = McpSolver::default().solve(problem, &mut x).unwrap().clone();
     if report.is_solved() {
         let e = error(problem, &x);
-        // 1e-8 is what counts where no strategy reaches 1e-10.
+        // 1e-8 is the tolerance where no strategy reaches 1e-10.
         assert!(e <= 1e-8, "claimed with error {e:e} at {x:?}");
         assert!((report.error - e).abs() <= 1e-12, "{:e} {e:e}", report.error);
     }
@@ -131,8 +131,8 @@ fn the_rounding_of_huge_terms_is_no_solution() {
 }
 
 #[test]
-fn residuals_along_a_direction_that_rows_do_not_see_are_none_of_rounding() {
-    // x − y + 1 = 0 and y − x = 0: the residual 1 is any part of the terms, far out.
+fn residuals_along_a_direction_of_no_change_are_not_rounding() {
+    // x − y + 1 = 0 and y − x = 0: far out, the residual 1 is an arbitrarily small fraction of the terms.
     let f = WithJacobian::new(
         2,
         |x: &[f64], out: &mut [f64]| {
@@ -150,7 +150,7 @@ fn residuals_along_a_direction_that_rows_do_not_see_are_none_of_rounding() {
         let (x, report) = run(&problem, &[far, far]);
         assert!(!report.is_solved(), "{far:e}: {x:?}");
     }
-    // Nor beside z − 1 = 0, whose constant is large.
+    // The same beside z − 1 = 0, whose constant is large.
     let rows = [[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let problem = Mcp::affine(
         matrix(&rows.map(Vec::from)),
@@ -165,7 +165,7 @@ fn residuals_along_a_direction_that_rows_do_not_see_are_none_of_rounding() {
     }
 }
 
-/// The kernel of a Jacobian with entries of 1e19 and 1 was sought by an iteration that ended in NaN.
+/// The search for the kernel of a Jacobian with entries of 1e19 and 1 must not end in NaN.
 #[test]
 fn jacobians_of_all_sizes_do_not_panic() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mcp_extreme/thun5lo.json");
@@ -178,7 +178,7 @@ fn jacobians_of_all_sizes_do_not_panic() {
     assert_ne!(status, Ok(McpStatus::Solved));
 }
 
-/// Random affine problems of which many have no solution, by trying all active sets.
+/// Random affine problems, many of them without solution, by trying all active sets.
 fn arbitrary(seed: u64, n: usize) -> Mcp<impl McpFunction> {
     let mut rng = Random::new(seed);
     let rows = rng.square(n);
@@ -250,7 +250,7 @@ fn the_corpus_is_solved_in_all_units() {
     }
 }
 
-/// Beside a singularity x decides about F in its last digits: terms that are large there say nothing of a solution that is elsewhere.
+/// Near a singularity F is determined by the last digits of x: large terms there say nothing about a solution elsewhere.
 #[test]
 fn no_point_beside_a_singularity_is_a_solution() {
     fn is_solved<F: McpFunction>(function: F, start: f64, solution: f64) -> bool {

@@ -53,7 +53,7 @@ fn every_start_of_every_file_is_solved() {
         let problem = read(&file).unwrap();
         assert!(problem.solvable, "{}", problem.name);
         let found = solutions_of(&problem, &mut solver);
-        // Problems with a continuum list some of its points only; of coulomb_node the third solution is the end of one.
+        // Problems with a continuum list only some of its points; the third solution of coulomb_node is the end of a continuum.
         let isolated = !["mathiesen", "transmcp", "coulomb_node"].contains(&problem.name.as_str());
         for x in found {
             let known = problem
@@ -165,7 +165,7 @@ fn shared_expressions_are_read_once_each() {
         );
         assert_eq!(parse(&text, "").unwrap().mcp.function().is_affine(), affine);
     }
-    // Whatever is wrong, its text is not repeated at length.
+    // Whatever the error, the message does not repeat the text at length.
     let long = format!(r#"["{}"]"#, "x".repeat(200_000));
     let text = format!(r#"{{"n":1,"lower":[0.0],"upper":[null],"rows":[{long}],"starts":{{"a":[1.0]}}}}"#);
     assert!(parse(&text, "").err().unwrap().len() < 300);

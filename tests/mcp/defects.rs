@@ -1,4 +1,4 @@
-//! What other solvers were seen to get wrong.
+//! Defects observed in other solvers.
 
 use semismooth::complementarity::{FischerBurmeister, Mcp, McpStatus, WithJacobian};
 use semismooth::piecewise::Semismooth;
@@ -58,7 +58,7 @@ fn bounds_hold_exactly_where_the_plain_formula_cancels() {
 }
 
 #[test]
-fn stationary_points_are_not_claimed() {
+fn stationary_points_are_not_reported_as_solutions() {
     let none = [Mcp::equations(scalar(|x: f64| x * x + 1.0, |x: f64| 2.0 * x)).unwrap()];
     for problem in &none {
         for start in [0.0, 1.0, 10.0, -100.0] {
@@ -94,7 +94,7 @@ fn residuals_that_vanish_at_infinity_are_no_solutions() {
     for start in [0.0, 1e3, 1e12] {
         assert!(!solve(&hyperbola, &[start]).1.is_solved(), "{start}");
     }
-    // x y = 1, y = 0: every row vanishes nearby, but not both.
+    // x y = 1, y = 0: each row nearly vanishes somewhere, but not both at once.
     let both = Mcp::equations(WithJacobian::new(
         2,
         |x: &[f64], out: &mut [f64]| {
@@ -279,7 +279,7 @@ mod patterns {
     use semismooth::piecewise::{PiecewiseError, Real};
     use semismooth::sparse::Pattern;
 
-    /// A chain, and one entry far off it whose derivative vanishes at 0.
+    /// A chain, and one entry far from it whose derivative vanishes at 0.
     struct Net;
 
     impl SmoothFunction for Net {
@@ -345,7 +345,7 @@ mod patterns {
         }
     }
 
-    /// Solvers have room for a diagonal; that does not hide the error.
+    /// Solvers store the diagonal in any case; this does not hide the error.
     #[test]
     fn a_lacking_diagonal_is_an_error() {
         let problem = Mcp::ncp(Autodiff::new(WithoutDiagonal)).unwrap();
@@ -354,7 +354,7 @@ mod patterns {
         assert!(matches!(error, ComplementarityError::Map(e) if e == stray));
     }
 
-    /// As `Lacking`, and a chain without its diagonal, which solvers have room for.
+    /// As `Lacking`, and a chain without its diagonal, which solvers store in any case.
     #[test]
     fn a_lacking_entry_is_an_error_for_differences_too() {
         let net = |x: &[f64], out: &mut [f64]| Net.eval(x, out);

@@ -1,4 +1,4 @@
-//! The ways to give a function agree.
+//! The ways to provide a function agree.
 
 use semismooth::complementarity::{
     Autodiff, ComplementarityError, ConstraintKind, Differenced, Mcp, McpFunction, McpSolver, Program,
@@ -72,7 +72,7 @@ fn differences_respect_bounds_and_domains() {
     jac.clear();
     f.jacobian(&[0.0], &mut jac);
     assert!(jac.get(0, 0).is_finite() && jac.get(0, 0) > 100.0);
-    // Where the only side there is lies outside the domain, no derivative is made up.
+    // Where the only admissible side lies outside the domain, no derivative is made up.
     let nowhere = |x: &[f64], out: &mut [f64]| out[0] = if x[0] == 0.0 { 1.0 } else { f64::NAN };
     for bounds in [(0.0, 1.0), (-1.0, 0.0)] {
         let f = Differenced::new(1, nowhere)
@@ -181,9 +181,9 @@ fn first_order_conditions_of_a_program() {
     ));
 }
 
-/// Of several wrong entries the largest error is told, wherever it stands.
+/// Of several wrong entries the largest error is reported, wherever it is.
 #[test]
-fn the_worst_entry_of_a_jacobian_is_told() {
+fn the_worst_entry_of_a_jacobian_is_reported() {
     for worst in 0..3 {
         let wrong = WithJacobian::new(
             3,
@@ -201,7 +201,7 @@ fn the_worst_entry_of_a_jacobian_is_told() {
     }
 }
 
-/// A value that is no number at any x says nothing of the pattern.
+/// A value that is NaN at every x says nothing about the pattern.
 #[test]
 fn values_that_are_no_numbers_are_no_lacking_entries() {
     let value = |x: &[f64], out: &mut [f64]| {

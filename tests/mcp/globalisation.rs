@@ -1,4 +1,4 @@
-//! Easy problems on which a globalisation can trip; the first strategy solves them.
+//! Easy problems on which a globalisation can fail; the first strategy solves them.
 
 use semismooth::complementarity::{Autodiff, Mcp, McpOptions, McpReport, McpSolver, SmoothFunction};
 use semismooth::piecewise::Real;
@@ -82,8 +82,8 @@ fn huge_multipliers_do_not_hide_in_the_scaling() {
 }
 
 #[test]
-fn steps_too_long_on_credit_lead_back_to_the_best_point() {
-    // Newton's method for x/√(1 + x²) goes from x to −x³: out of reach of any line search after two steps.
+fn overlong_nonmonotone_steps_lead_back_to_the_best_point() {
+    // Newton's method for x/√(1 + x²) maps x to −x³: after two full steps no line search recovers.
     for start in [1.5, 2.0, -3.0, 5.0] {
         let f = scalar(|x| x / (1.0 + x * x).sqrt(), |x| (1.0 + x * x).powf(-1.5));
         let problem = Mcp::new(f, vec![-INF], vec![INF]).unwrap();
@@ -92,7 +92,7 @@ fn steps_too_long_on_credit_lead_back_to_the_best_point() {
     }
 }
 
-/// ln(x/(w − x)) from x = 0, where it is not finite: the way into a domain of any width w is found, and x = w/2.
+/// ln(x/(w − x)) from x = 0, where it is not finite: a domain of any width w is entered, and x = w/2 is found.
 #[test]
 fn domains_of_any_width_are_entered() {
     for w in [1e-5, 1e-4, 1e-2, 1.0, 100.0] {

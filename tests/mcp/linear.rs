@@ -1,4 +1,4 @@
-//! What Lemke's and the active-set method call solved, in all units and from all starts.
+//! What Lemke's and the active-set method report as solved, in all units and from all starts.
 
 use proptest::prelude::*;
 use semismooth::complementarity::active_set::{
@@ -39,7 +39,7 @@ fn a_start_far_out_leaves_no_rounding_in_the_solution() {
             assert!((3.0 * z[0] - 1.0).abs() <= 1e-15, "{start:e}: {z:?}");
         }
     }
-    // A large unknown next to a small one that nothing connects with it: its rounding is no excuse.
+    // A large unknown next to a small one, decoupled from it: its rounding does not excuse the residual of the other.
     let m = matrix(&[vec![3.0, 0.0], vec![0.0, 3.0]]);
     let lcp = Lcp::boxed(m, vec![-1e14, -1.0], vec![-INF; 2], vec![INF; 2]).unwrap();
     for gmres in [false, true] {
@@ -88,7 +88,7 @@ proptest! {
         let mut rng = Random::new(seed);
         let b = rng.square(n);
         let row: Vec<f64> = (0..n).map(|_| 10_f64.powi((12.0 * rng.symmetric()) as i32)).collect();
-        // Row k asks for −Σ |m_kj| z_j ≥ |q_k| > 0.
+        // Row k requires −Σ |m_kj| z_j ≥ |q_k| > 0.
         let k = seed as usize % n;
         let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| row[i] * if i == k { -b[i][j].abs() } else { b[i][j] }).collect()).collect();
         let q = (0..n).map(|i| row[i] * if i == k { -0.1 - rng.symmetric().abs() } else { rng.symmetric() }).collect();
@@ -116,7 +116,7 @@ proptest! {
     }
 }
 
-/// M = g gᵀ + δ: for δ = 0 some v ≥ 0 has Mᵀv = 0 and qᵀv < 0, for δ > 0 there is a solution (of size 1/δ), however small δ is.
+/// M = g gᵀ + δ: for δ = 0 some v ≥ 0 has Mᵀv = 0 and qᵀv < 0, for δ > 0 there is a solution (of size 1/δ), however small δ.
 #[test]
 fn what_has_a_solution_far_out_is_not_called_infeasible() {
     for (g, q) in [
@@ -146,9 +146,9 @@ fn what_has_a_solution_far_out_is_not_called_infeasible() {
     }
 }
 
-/// z_k ≥ z_{k+1} round a circle, once with 1 to spare: the sum of all is 0 ≥ 1. With so many unknowns v = (1, …, 1) is verified as it is.
+/// z_k ≥ z_{k+1} around a circle, once with a margin of 1: the sum of all is 0 ≥ 1. In this size v = (1, …, 1) itself is verified.
 #[test]
-fn large_infeasible_problems_are_told_by_a_simple_certificate() {
+fn large_infeasible_problems_are_proven_by_a_simple_certificate() {
     let n = 90;
     let entries: Vec<_> = (0..n)
         .flat_map(|i| [(i, i, 1.0), (i, (i + 1) % n, -1.0)])
@@ -169,8 +169,8 @@ fn large_infeasible_problems_are_told_by_a_simple_certificate() {
     }
 }
 
-/// An elastic string pushed to and fro between two walls: beside those of the free components, systems have only rows that say how far the
-/// others are from their bounds. Newton's method ends one step after it knows the side of each.
+/// An elastic string pushed back and forth between two walls: apart from the rows of free components, linear systems contain only rows with
+/// the distances of the other components from their bounds. Newton's method ends one step after the active set is right.
 #[test]
 fn large_systems_are_those_of_the_free_components() {
     let n = 300;

@@ -1,4 +1,4 @@
-//! Mixed complementarity problems: the corpus, defects seen elsewhere, properties.
+//! Mixed complementarity problems: the corpus, defects of other solvers, properties.
 
 #[path = "../../examples/common/expressions.rs"]
 mod expressions;

@@ -47,9 +47,9 @@ fn limits_and_observers_end_a_solve_with_its_best_iterate() {
     );
 }
 
-/// √(−1 − x²) is real nowhere: of a million perturbed starts each is told, so that one can stop.
+/// √(−1 − x²) is real nowhere: of a million perturbed starts each is reported, so that the observer can stop.
 #[test]
-fn who_watches_can_stop_where_the_function_is_nowhere_finite() {
+fn observers_can_stop_where_the_function_is_nowhere_finite() {
     let mut finite = true;
     let sometimes = std::cell::Cell::new(0);
     let function = scalar(
@@ -80,8 +80,8 @@ fn who_watches_can_stop_where_the_function_is_nowhere_finite() {
     assert!(report.history.iter().all(|i| i.residual.is_finite()));
 }
 
-/// A problem without a solution, for which everything is tried: what paths and the enumeration may spend is up to the options, and the
-/// proof is lost with the nodes it takes.
+/// A problem without a solution, for which all strategies are tried: options limit paths and enumeration, and without enough nodes the
+/// proof of infeasibility is lost.
 #[test]
 fn paths_and_enumeration_keep_their_limits() {
     let m = Matrix::from_rows(&[[4.0, 2.0, -2.0], [3.0, -2.0, 3.0], [0.0, 3.0, 2.0]]).unwrap();
@@ -358,7 +358,7 @@ fn rounding_does_not_excuse_residuals_far_out() {
     }
 }
 
-/// Functions that fall to zero at infinity, where they underflow at last, have no zero there.
+/// Functions that decrease to zero at infinity, and finally underflow, have no zero there.
 #[test]
 fn what_underflows_at_infinity_is_no_solution() {
     type Function = fn(f64) -> f64;
@@ -381,8 +381,8 @@ fn what_underflows_at_infinity_is_no_solution() {
     }
 }
 
-/// Far from the start, and with a row all of whose terms vanish there, but at rest: stationary points on a circle (BT1 of P. Boggs and
-/// J. Tolle), f = −x + 10 (x² + y² − 1) under x² + y² = 1, at (±1, 0).
+/// Iterates far from the start, with a row all of whose terms vanish there, that nevertheless converge: stationary points on a circle (BT1
+/// of P. Boggs and J. Tolle), f = −x + 10 (x² + y² − 1) under x² + y² = 1, at (±1, 0).
 #[test]
 fn iterates_that_come_to_rest_far_away_are_solutions() {
     let lagrangian = WithJacobian::new(
@@ -412,7 +412,7 @@ fn iterates_that_come_to_rest_far_away_are_solutions() {
     }
 }
 
-/// Iterates may leave the box on their way; what is returned in the end does not, whatever ended the run.
+/// Iterates may leave the box on the way; the point returned lies in it, however the run ends.
 #[test]
 fn a_run_cut_short_returns_a_point_of_the_box() {
     let mut rng = Random::new(11);

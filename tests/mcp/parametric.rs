@@ -45,7 +45,7 @@ fn the_problem_at_a_parameter_agrees_with_the_curve() {
         let mut x = [point.x[0] + 1e-6];
         assert!(McpSolver::default().solve(&at, &mut x).unwrap().is_solved());
     }
-    // Each evaluation begins anew.
+    // Each evaluation is independent of the previous ones.
     let at = problem.at(0.5).unwrap();
     for _ in 0..2 {
         let mut jac = Matrix::zeros(at.jacobian_pattern().clone());
@@ -84,7 +84,7 @@ fn units_of_affine_problems_change_nothing() {
     };
     let (count, plain) = follow(1.0);
     assert!(plain.transitions.len() > 1);
-    // One factorisation: at each kink the row of one component changes in the inverse at hand.
+    // One factorisation: at each kink one row is updated, that of the component that changes.
     assert!(plain.factorisations <= 2 && plain.updates >= plain.transitions.len());
     for unit in [(-40.0_f64).exp2(), 50.0_f64.exp2()] {
         let (number, branch) = follow(unit);

@@ -87,7 +87,7 @@ impl McpFunction for Known {
     }
 }
 
-/// A monotone problem with the solution it was made for.
+/// A monotone problem with the solution from which it was built.
 pub(crate) fn known(seed: u64, n: usize) -> (Mcp<Known>, Vec<f64>) {
     let mut rng = Random::new(seed);
     let b = rng.square(n);
@@ -155,7 +155,7 @@ proptest! {
     #[test]
     fn positive_semidefinite_problems_are_solved_exactly_if_feasible(seed in 1_u64.., n in 2_usize..7, rank in 1_usize..4) {
         let mut rng = Random::new(seed);
-        // Products of numbers of few digits are exact: M has the rank that is meant, and no solution far out by rounding.
+        // Products of numbers with few digits are exact: M has the intended rank, and no distant solution by rounding.
         let b: Vec<Vec<f64>> = rng.square(n).iter().map(|r| r.iter().map(|v| (v * 1024.0).round() / 1024.0).collect()).collect();
         let rows: Vec<Vec<f64>> = (0..n)
             .map(|i| (0..n).map(|j| (0..rank.min(n)).map(|k| b[i][k] * b[j][k]).sum()).collect())
@@ -271,7 +271,7 @@ proptest! {
     }
 }
 
-/// The problem seen in a mirror: z = −x, G(z) = −F(−z), bounds −u, −l.
+/// The mirrored problem: z = −x, G(z) = −F(−z), bounds −u, −l.
 pub(crate) struct Mirrored<F>(F);
 
 impl<F: McpFunction> McpFunction for Mirrored<F> {
@@ -297,8 +297,8 @@ pub(crate) fn mirrored<F: McpFunction>(function: F, problem: &Mcp<impl McpFuncti
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Monotone problems with every kind of bound, small and so large that systems are solved sparsely or in blocks: bounds above
-    /// only are bounds below only in a mirror.
+    /// Monotone problems with every kind of bound, both small and large enough for sparse and blocked linear solves: upper bounds only are
+    /// lower bounds only in the mirrored problem.
     #[test]
     fn mirrored_problems_have_mirrored_solutions(seed in 1_u64.., n in prop::sample::select(vec![3_usize, 7, 45, 130]), far in -30.0..30.0) {
         let (problem, expected) = known(seed, n);
@@ -314,7 +314,7 @@ proptest! {
     }
 }
 
-/// Problems that Newton's method alone does not solve, with bounds above only and in a mirror.
+/// Problems that Newton's method alone does not solve, with upper bounds only and mirrored.
 #[test]
 fn hard_problems_bounded_above() {
     // 0 ≤ x ⟂ F ≥ 0 with F from logarithms that start near the edge of their domain, and a cubic whose derivative changes sign.

@@ -22,8 +22,8 @@ fn small_minors_decide_by_their_sign() {
     }
 }
 
-/// Positive factors of rows and columns change no sign of a minor. Those of order 1 and 2 are positive here, and the determinant is 6 + 7 a b
-/// with the entries a = ±9 and b = ±½ in the corners.
+/// Positive factors of rows and columns change no sign of a minor. Those of order 1 and 2 are positive here, and the determinant is 6 + 7 a
+/// b with the entries a = ±9 and b = ±½ in the corners.
 #[test]
 fn units_do_not_decide_about_minors() {
     let cases = [

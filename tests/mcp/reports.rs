@@ -1,4 +1,4 @@
-//! What reports say against what holds at the point returned, and of problems that are the same in other words.
+//! Reports against what holds at the point returned, and for equivalent formulations of one problem.
 
 use semismooth::complementarity::{
     BoundState, Mcp, McpFunction, McpIteration, McpOptions, McpReport, McpSolver, McpStatus, McpStep,
@@ -61,7 +61,8 @@ fn check_point<F: McpFunction>(problem: &Mcp<F>, x: &[f64], report: &McpReport) 
     );
 }
 
-/// Iterates are numbered by the steps made so far, those of linearised problems and along paths included; attempts come one after the other, each with its own smallest residual.
+/// Iterates are numbered by the steps made so far, including those of linearised problems and along paths; attempts follow one another,
+/// each with its own smallest residual.
 fn check_history(report: &McpReport, max_iterations: usize) {
     let mut steps = 0;
     let pivots = |i: &McpIteration| {
@@ -104,7 +105,7 @@ fn check_history(report: &McpReport, max_iterations: usize) {
 }
 
 #[test]
-fn reports_tell_of_the_point_returned() {
+fn reports_describe_the_point_returned() {
     let mut rng = Random::new(11);
     let mut ended = [0; 2];
     for k in 0..24 {
@@ -123,13 +124,13 @@ fn reports_tell_of_the_point_returned() {
     assert!(ended.iter().all(|n| *n > 50), "{ended:?}");
 }
 
-/// All of an entry; merits along paths are none.
+/// All parts of an entry; entries along paths have no merit.
 fn parts(i: &McpIteration) -> (usize, McpStep, [u64; 3], usize) {
     let bits = [i.residual, i.merit, i.damping].map(|v| if v.is_nan() { u64::MAX } else { v.to_bits() });
     (i.index, i.step, bits, i.sites_changed)
 }
 
-/// In a mirror each number has the other sign, to the last bit, and bounds below are bounds above.
+/// In the mirrored problem each number has the opposite sign, to the last bit, and lower bounds are upper bounds.
 #[test]
 fn histories_in_a_mirror_are_the_same_in_every_bit() {
     let mut rng = Random::new(3);
@@ -139,7 +140,7 @@ fn histories_in_a_mirror_are_the_same_in_every_bit() {
         let start = starts(&mut rng);
         let turned: Vec<f64> = start.iter().map(|v| -v).collect();
         for strategy in ALL {
-            // Random starts and the order of pivots know no mirror.
+            // Random starts and the order of pivots are not mirrored.
             if matches!(strategy, McpStrategy::Restart | McpStrategy::JosephyNewton) {
                 continue;
             }

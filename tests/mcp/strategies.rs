@@ -1,4 +1,4 @@
-//! Which strategies are tried, and in which order, is up to the options.
+//! The options determine which strategies are tried, and in which order.
 
 use std::cell::Cell;
 
@@ -89,7 +89,7 @@ fn strategies_are_tried_in_the_order_given() {
         assert_eq!(tried, order);
         assert!(report.fallbacks.iter().all(|f| f.residual >= 1.0));
     }
-    // Without fallbacks the first of them alone; what does not suit the problem is passed over.
+    // Without fallbacks only the first of them is tried; a strategy that does not apply is passed over.
     let options = McpOptions::default()
         .with_strategies(vec![Smoothing, Newton])
         .with_fallbacks(false);
@@ -126,10 +126,10 @@ fn no_strategy_is_no_choice() {
     }
 }
 
-/// F = (y − c, −x) with x free and y in a box: moving along x changes no row but that of y, and proves nothing as long as c lies in the
-/// box. Beyond it, it proves that there is no solution.
+/// F = (y − c, −x) with x free and y in a box: moving along x changes the row of y only, which proves nothing if c lies in the box; if c
+/// lies outside, it proves that there is no solution.
 #[test]
-fn proximal_points_tell_solvable_problems_from_others() {
+fn proximal_points_distinguish_solvable_problems() {
     let rows = [vec![0.0, 1.0], vec![-1.0, 0.0]];
     for (c, feasible) in [
         (5.0, true),
@@ -153,7 +153,7 @@ fn proximal_points_tell_solvable_problems_from_others() {
                 assert!(x[0].abs() < 1e-8 && (x[1] - c).abs() < 1e-8, "{x:?}");
             } else {
                 assert_eq!(report.status, McpStatus::Infeasible, "{c} from {start:?}");
-                // vᵀF < 0 all over the box: v = (±1, 0).
+                // vᵀF < 0 everywhere in the box: v = (±1, 0).
                 assert_eq!(report.certificate, [if c > 10.0 { 1.0 } else { -1.0 }, 0.0]);
             }
         }
@@ -178,7 +178,7 @@ fn smoothing_stays_next_to_its_path() {
     }
 }
 
-/// A function that counts what is asked of it.
+/// A function that counts its calls.
 struct Counting<F> {
     function: F,
     values: Cell<usize>,
@@ -242,7 +242,7 @@ fn reports_count_each_call_of_the_functions() {
     }
 }
 
-/// The active set of a start is a guess: any one leads to the only solution, the right one in one step.
+/// The active set of a start is a guess: any one leads to the unique solution, the right one in one step.
 #[test]
 fn any_active_set_to_start_from_leads_to_the_solution() {
     for seed in 1..60 {
@@ -268,7 +268,7 @@ fn any_active_set_to_start_from_leads_to_the_solution() {
             .map(|(a, b)| (a - b).abs())
             .fold(0.0, f64::max);
         assert!(distance < 1e-8, "{seed}: {distance:e}");
-        // Back to where one was: nothing changes any more.
+        // A restart from the solution: nothing changes any more.
         let again = solver
             .solve_from_states(&problem, &mut x, &report.states)
             .unwrap();
@@ -280,7 +280,7 @@ fn any_active_set_to_start_from_leads_to_the_solution() {
     }
 }
 
-/// M is diagonally dominant with a negative off-diagonal part: from any set full steps settle, and none goes back to the start.
+/// M is diagonally dominant with a negative off-diagonal part: from any active set full steps converge, and none returns to the start.
 #[test]
 fn full_steps_go_on_from_any_active_set() {
     let n = 12;
@@ -315,7 +315,7 @@ fn full_steps_go_on_from_any_active_set() {
     }
 }
 
-/// Where rounding leaves a residual above the tolerance, iterations end as soon as there is nothing left but rounding.
+/// Where rounding leaves a residual above the tolerance, iterations end as soon as only rounding is left.
 #[test]
 fn large_units_of_a_row_cost_no_iterations() {
     for c in [2.0, 3.0, 5.0, 7.0, 11.0] {
@@ -398,9 +398,9 @@ pub(crate) fn random_problem(rng: &mut Random, k: usize) -> Mcp<impl McpFunction
     Mcp::new(function, vec![0.0; n], vec![upper; n]).unwrap()
 }
 
-/// A path begins at the start with nothing of what has failed before: it ends where it ends alone, to the last bit.
+/// A path begins at the start, unaffected by earlier failures: it ends where it ends when tried alone, to the last bit.
 #[test]
-fn paths_know_nothing_of_what_was_tried_before() {
+fn paths_do_not_depend_on_earlier_strategies() {
     let mut rng = Random::new(5);
     let mut compared = 0;
     for k in 0..120 {
@@ -424,7 +424,7 @@ fn paths_know_nothing_of_what_was_tried_before() {
     assert!(compared > 20, "{compared}");
 }
 
-/// Linearised problems whose solutions overshoot are followed by short steps. Found by random tests.
+/// Where the solutions of linearised problems overshoot, short steps are taken. Found by random tests.
 #[test]
 fn linearised_problems_take_short_steps() {
     const SLOPE: f64 = 0.475_290_168_629_312_95;
@@ -440,7 +440,7 @@ fn linearised_problems_take_short_steps() {
     assert!(residual(&problem, &x) < 1e-9);
 }
 
-/// Where F is defined is not known before it is tried: bounds are no domain, so that no point tried is on one.
+/// Where F is defined is unknown before it is evaluated, perhaps not on the bounds: no point tried lies on one.
 #[test]
 fn points_tried_for_a_domain_lie_inside_the_bounds() {
     for (lower, upper) in [(0.0, INF), (-INF, 2.0), (0.0, 2.0)] {
@@ -463,8 +463,8 @@ fn points_tried_for_a_domain_lie_inside_the_bounds() {
     }
 }
 
-/// (x − 1)ᵖ at the bound 1, below or above: it vanishes there with all its terms, and so far out of the way that only the bound itself is a
-/// solution to the last digit.
+/// (x − 1)ᵖ at the bound 1, lower or upper: it vanishes there with all its terms, so flatly that only the bound itself is a solution to the
+/// last digit.
 #[test]
 fn solutions_where_all_terms_vanish_are_on_their_bounds() {
     for (lower, upper, side) in [
@@ -500,7 +500,7 @@ fn restarts_begin_elsewhere() {
     }
 }
 
-/// 1 + √x has no root, and is not defined at the start: what each strategy tries begins where F is defined.
+/// 1 + √x has no root, and is not defined at the start: each strategy starts where F is defined.
 #[test]
 fn strategies_begin_where_a_domain_was_entered() {
     let function = scalar(|x| 1.0 + x.sqrt(), |x| 0.5 / x.sqrt());
@@ -514,7 +514,7 @@ fn strategies_begin_where_a_domain_was_entered() {
     }
 }
 
-/// Of a domain that is small and far from the start nothing is known: 1, the value of nothing in particular, is tried, too.
+/// Nothing is known of a domain that is small and far from the start: the arbitrary value 1 is tried, too.
 #[test]
 fn domains_about_one_are_found_from_anywhere() {
     let inside = |x: f64| {

@@ -17,7 +17,7 @@ pub(crate) fn residual<F: McpFunction>(problem: &Mcp<F>, x: &[f64]) -> f64 {
     largest
 }
 
-/// Solves and checks what every claim of success promises.
+/// Solves and checks what every reported success promises.
 pub(crate) fn solve<F: McpFunction>(problem: &Mcp<F>, start: &[f64]) -> (Vec<f64>, McpReport) {
     let mut x = start.to_vec();
     let report = McpSolver::default().solve(problem, &mut x).unwrap().clone();

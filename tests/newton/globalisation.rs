@@ -1,4 +1,4 @@
-//! What the line search, its patience and the least-index rule owe to a problem, and what they must not take for a solution.
+//! The line search, its tolerance of growth, and the least-index rule: what they must solve, and what they must not take for a solution.
 
 use std::ops::ControlFlow;
 
@@ -9,7 +9,7 @@ use semismooth::sparse::Matrix;
 use crate::maps::two_pieces;
 use crate::problems::{Lcp, Smooth, close, cycling, scalar};
 
-/// x = 1 with a slope of 5/2 for the true one: each step leaves 3/5 of the error, so that steps are small long before the residual is.
+/// x − 1 = 0 with the slope 5/2 instead of 1: each step leaves 3/5 of the error, so that steps are small long before the residual is.
 #[test]
 fn slow_convergence_is_followed_to_its_end() {
     let map = scalar(|x| x - 1.0, |_| 2.5);
@@ -21,7 +21,8 @@ fn slow_convergence_is_followed_to_its_end() {
     }
 }
 
-/// arctan (x − y) = 0, whose full steps diverge, beside (x + y)⁵ = 1, for which they are right: the line search sees both, in any units.
+/// arctan (x − y) = 0, whose full steps diverge, beside (x + y)⁵ = 1, for which they are right: the line search takes both into account, in
+/// any units.
 #[test]
 fn a_row_in_large_units_does_not_hide_another_from_the_line_search() {
     for unit in [1e-12, 1.0, 1e6, 1e12] {
@@ -46,7 +47,7 @@ fn a_row_in_large_units_does_not_hide_another_from_the_line_search() {
     }
 }
 
-/// A run that cycles and is stopped by its observer gives the point of least residual, not the last one.
+/// A run that cycles and is stopped by its observer returns the point of least residual, not the last one.
 #[test]
 fn a_run_that_is_stopped_gives_its_best_point() {
     let lcp = cycling();
@@ -95,7 +96,7 @@ fn skew(n: usize, above: &[f64], q: &[f64]) -> Lcp {
 
 /// Where a line search changes pieces back and forth with ever shorter steps, the least-index rule ends at the solution.
 #[test]
-fn a_line_search_that_gets_nowhere_gives_way() {
+fn a_line_search_without_progress_gives_way() {
     let lcp = skew(4, &[15.0, 18.0, -15.0, 15.0, 24.0, 6.0], &[3.0, -5.0, 2.0, 3.0]);
     let mut x = [-2.0, 4.0, -2.0, -1.0];
     Newton::default().solve(&lcp, &mut x).unwrap();
@@ -103,7 +104,7 @@ fn a_line_search_that_gets_nowhere_gives_way() {
     assert!(exact.len() == 1 && close(&x, &exact[0], 1e-12), "{x:?} {exact:?}");
 }
 
-/// The least-index rule changes one piece at a time, also where looking for a solution has evaluated others.
+/// The least-index rule changes one piece at a time, also where the search for a solution has evaluated other pieces.
 #[test]
 fn the_least_index_rule_takes_its_time() {
     let problems = [
@@ -137,7 +138,7 @@ fn the_least_index_rule_takes_its_time() {
     }
 }
 
-/// A residual that grows is no trouble by itself: where full steps meet no pieces twice, they are all there is.
+/// A growing residual alone is no failure: where full steps do not revisit a selection, no line search starts.
 #[test]
 fn growth_alone_starts_no_line_search() {
     let problems = [
@@ -163,8 +164,8 @@ fn growth_alone_starts_no_line_search() {
     }
 }
 
-/// An [`Lcp`] in the unknowns 1, 2, … with a first site of two pieces that are one function, 3 x₀ = c Σ xᵢ: where its kink lies is a matter
-/// of rounding.
+/// An [`Lcp`] in the unknowns 1, 2, … with a first site whose two pieces are the same function, 3 x₀ = c Σ xᵢ: the place of its kink is a
+/// matter of rounding.
 struct WithNoise(Lcp, f64);
 
 impl WithNoise {
@@ -204,7 +205,7 @@ impl PiecewiseSmooth for WithNoise {
     }
 }
 
-/// The least-index rule looks at one site at a time; that this one is solved says nothing of the others.
+/// The least-index rule examines one site at a time; that this one is solved says nothing about the others.
 #[test]
 fn a_site_that_changes_by_rounding_does_not_end_the_least_index_rule() {
     let problems = [
@@ -220,7 +221,7 @@ fn a_site_that_changes_by_rounding_does_not_end_the_least_index_rule() {
             let map = WithNoise(skew(3, &above, &q), f64::from(k) / 7.0);
             let mut x = [0.0, start[0], start[1], start[2]];
             let mut newton = Newton::default();
-            // Some runs go round in the pieces of the first site, and say so.
+            // Some runs cycle between the pieces of the first site, and report it.
             if newton.solve(&map, &mut x).is_ok() {
                 assert!(
                     close(&x[1..], &map.0.enumerate()[0], 1e-11),

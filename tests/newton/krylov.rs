@@ -1,4 +1,4 @@
-//! Inexact Newton methods: what forcing terms keep of the tail, and how runs end.
+//! Inexact Newton methods: how forcing terms preserve the rate of convergence, and how runs end.
 
 use std::ops::ControlFlow;
 
@@ -68,7 +68,7 @@ fn ratios(newton: &NewtonKrylov) -> Vec<f64> {
         .collect()
 }
 
-/// The same with a wind along the first axis, upwind differences: not symmetric.
+/// The same with convection along the first axis, upwind differences: not symmetric.
 struct Carried(Reaction, f64);
 
 impl Carried {
@@ -135,7 +135,7 @@ fn keeps_the_tail(map: &dyn Semismooth, methods: &[KrylovMethod], damping: Dampi
             let ratios = ratios(&newton);
             let tail = &ratios[ratios.len() - 3..];
             match forcing {
-                // Linear, with no less than the factor that the steps are solved for with.
+                // Linear, with about the factor to which the linear systems are solved.
                 Forcing::Constant(eta) => assert!(
                     tail.iter().all(|r| *r > 0.02 * eta && *r < 1.5 * eta),
                     "{method:?} {tail:?}"
@@ -163,7 +163,7 @@ fn steps_fulfil_their_forcing_terms() {
     let mut newton = NewtonKrylov::default();
     let mut iterates = vec![];
     let mut x = vec![0.1; 81];
-    // The run is repeated and stopped after each step, so that iterates are seen.
+    // The run is repeated and stopped after each step, so that its iterates can be inspected.
     for stop in 0.. {
         x.fill(0.1);
         let outcome = newton.solve_observed(&mut problem, &mut x, |i| match i.index == stop {
@@ -196,7 +196,7 @@ fn steps_fulfil_their_forcing_terms() {
     }
 }
 
-/// A function of one variable, three times over, with its derivative; transposed products or not.
+/// A function of one variable, in three components, with its derivative; with transposed products or without.
 struct Scalar {
     f: fn(f64) -> (f64, f64),
     slope: [f64; 3],
@@ -297,7 +297,7 @@ fn failures_are_typed_and_keep_the_best_iterate() {
             assert!(x.iter().all(|x| x.abs() <= 3.0));
         }
     }
-    // Derivatives that are none.
+    // Derivatives that are NaN or infinite.
     let mut map = Scalar::new(|x| (x - 1.0, if x > 0.5 { f64::NAN } else { 0.5 }));
     let mut x = [0.0; 3];
     let why = reason(solve(&mut map, Damping::OnTrouble, &mut x).unwrap_err());
@@ -309,7 +309,7 @@ fn failures_are_typed_and_keep_the_best_iterate() {
         matches!(why, Failure::Linear { residual } if residual == 1.0),
         "{why:?}"
     );
-    // A start where H is no number.
+    // A start where H is NaN or infinite.
     let mut map = Scalar::new(|x| (x.sqrt(), 1.0));
     match solve(&mut map, Damping::OnTrouble, &mut [-1.0; 3]).unwrap_err() {
         NewtonError::Failed(unsolved) => assert_eq!(unsolved.reason, Failure::NotFinite),
@@ -343,7 +343,7 @@ fn an_absolute_tolerance_ends_slow_convergence() {
     );
 }
 
-/// A quarter turn of the plane, less (1, 2).
+/// A quarter turn of the plane, minus (1, 2).
 struct Turn;
 
 impl LinearOperator for Turn {
@@ -368,8 +368,8 @@ impl MatrixFree for Turn {
     }
 }
 
-/// One direction of GMRES is across the right-hand side and gains nothing; steepest descent with the length of the minimum ends at the
-/// solution, as G Gᵀ = I.
+/// With one direction GMRES searches orthogonally to the right-hand side and makes no progress; steepest descent with exact line search
+/// reaches the solution, as G Gᵀ = I.
 #[test]
 fn turns_are_solved_by_steepest_descent() {
     let options = NewtonKrylovOptions::default()
@@ -415,7 +415,7 @@ impl MatrixFree for Uniform {
     }
 }
 
-/// Numbers whose squares overflow are no reason to call a start a solution.
+/// Numbers whose squares overflow must not make a start pass for a solution.
 #[test]
 fn sizes_near_the_ends_of_the_range_of_numbers_end_at_solutions() {
     for (a, b) in [

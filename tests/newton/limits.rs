@@ -266,8 +266,8 @@ fn iterations_are_limited() {
     }
 }
 
-/// x₁ = 1e14 next to −1e-8 (1 + x₂) ≥ 0 and x₂ ≥ 0, which has no solution: a large row that shares no unknown with a small one is no
-/// measure for it, nor is its rounding.
+/// x₁ = 1e14 next to −1e-8 (1 + x₂) ≥ 0 and x₂ ≥ 0, which has no solution: a large row that shares no unknown with a small one is no scale
+/// for it, nor is its rounding.
 #[test]
 fn a_large_row_does_not_excuse_a_small_one() {
     for (size, c) in [(1e8, -1e-8), (1e14, -1e-8), (1e18, -1e-4), (1e18, -1.0)] {
@@ -288,9 +288,9 @@ fn a_large_row_does_not_excuse_a_small_one() {
     }
 }
 
-/// e^y = 3 next to x = X, which it sees through a coefficient c: rounding of x moves it by c X ε alone.
+/// e^y = 3 next to x = X, coupled by a coefficient c: rounding of x changes it by c X ε only.
 #[test]
-fn a_large_row_does_not_excuse_one_that_hardly_sees_its_unknown() {
+fn a_large_row_does_not_excuse_one_weakly_coupled_to_it() {
     for (size, c) in [(1e10, 1e-8), (1e12, 1e-10), (1e13, 1e-12), (1e15, 1e-15)] {
         let map = Smooth {
             n: 2,
@@ -313,13 +313,13 @@ fn a_large_row_does_not_excuse_one_that_hardly_sees_its_unknown() {
     }
 }
 
-/// A row whose rounding never falls, next to a large unknown: neither excuses the row that still converges.
+/// A row whose rounding never decreases, next to a large unknown: neither excuses the row that still converges.
 #[test]
 fn a_noisy_row_does_not_end_the_others() {
     let map = Smooth {
         n: 3,
         f: |x: &[f64], out: &mut [f64]| {
-            // Never 0: the sum is a multiple of 2⁻³³, 3.3 is none.
+            // Never 0: the sum is a multiple of 2⁻³³, and 3.3 is not.
             out[0] = 1e9 * (((1e6 + x[0].exp()) - 1e6) - 3.3);
             out[1] = x[1].exp() - 3.0;
             out[2] = x[2] - 1e4;
@@ -333,14 +333,14 @@ fn a_noisy_row_does_not_end_the_others() {
     for k in 0..40 {
         let start = 1.2 + 0.05 * f64::from(k);
         let mut x = [3.3_f64.ln(), start, 1e4];
-        // That the first row stagnates is no success, and may be told.
+        // Stagnation of the first row is no success, and may be reported as a failure.
         let outcome = Newton::default().solve(&map, &mut x);
         let right = (x[1] - 3.0_f64.ln()).abs() < 1e-10;
         assert!(outcome.is_err() || right, "from {start}: {x:?}");
     }
 }
 
-/// x − 1 + c sign(x − 1) jumps across 0: that two points next to each other differ is no rounding.
+/// x − 1 + c sign(x − 1) jumps across 0: the difference between neighbouring points is not rounding.
 #[test]
 fn a_small_jump_is_no_solution() {
     for c in [1e-2, 1e-3, 1e-4, 1e-5] {
@@ -354,7 +354,7 @@ fn a_small_jump_is_no_solution() {
     }
 }
 
-/// What still falls is driven on: a start within the rounding floor of the terms, but not within that of x, is improved.
+/// Iterations go on while residuals decrease: a start within the rounding floor of the terms, but not within that of x, is improved.
 #[test]
 fn zero_tolerances_give_the_last_digits() {
     let options = NewtonOptions::default().with_tolerances(0.0, 0.0);
@@ -367,7 +367,7 @@ fn zero_tolerances_give_the_last_digits() {
     }
 }
 
-/// e^y = 3 beside z + y = X + ln 3, whose terms are large: its rounding is in z alone, since y is known from the other.
+/// e^y = 3 beside z + y = X + ln 3, whose terms are large: its rounding affects z alone, since y is determined by the other row.
 #[test]
 fn a_row_with_large_terms_does_not_excuse_one_that_cancels() {
     for size in [1e6, 1e8, 1e10, 1e12, 1e14, 1e15] {
@@ -398,7 +398,7 @@ fn a_row_with_large_terms_does_not_excuse_one_that_cancels() {
     }
 }
 
-/// y + sin y = 0 and y + y² = 0 beside z + y = X: as the first, but the solution has no terms that stay.
+/// y + sin y = 0 and y + y² = 0 beside z + y = X: as above, but all terms of the row vanish at the solution.
 #[test]
 fn a_row_whose_terms_vanish_is_solved_beside_one_with_large_terms() {
     type Row = (fn(f64) -> f64, fn(f64) -> f64);
@@ -433,8 +433,8 @@ fn a_row_whose_terms_vanish_is_solved_beside_one_with_large_terms() {
     }
 }
 
-/// c_k y_k = 0 beside z + Σ y_k = 1: a step may leave a rounding error of y_k again and again, so that its row falls by 10¹⁶ each time and does
-/// not rest.
+/// c_k y_k = 0 beside z + Σ y_k = 1: each step may leave a rounding error of y_k, so that its row decreases by 10¹⁶ each time without
+/// stagnating.
 #[test]
 fn rows_that_vanish_with_their_unknowns_take_one_step() {
     const N: usize = 60;
@@ -461,7 +461,7 @@ fn rows_that_vanish_with_their_unknowns_take_one_step() {
     );
 }
 
-/// x³ − 2 x − 5 = 0 in units that no residual below rounding is 0 in; counts its evaluations.
+/// x³ − 2 x − 5 = 0 in a unit in which no rounded residual is exactly 0; counts its evaluations.
 struct Counted {
     unit: f64,
     evaluations: Cell<usize>,

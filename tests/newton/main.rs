@@ -81,7 +81,7 @@ proptest! {
     }
 
     #[test]
-    fn any_lcp_ends_with_a_solution_or_an_honest_failure(
+    fn any_lcp_ends_with_a_solution_or_a_consistent_failure(
         n in 1..=5_usize,
         entries in prop::collection::vec(-2.0..2.0_f64, 25),
         q in prop::collection::vec(-3.0..3.0_f64, 5),
@@ -178,7 +178,7 @@ fn a_singular_start_is_left() {
         Err(e) => panic!("{e}"),
     }
     assert_eq!(newton.report().history[0].step, Step::Gradient);
-    // A singular start with a way out.
+    // A singular start from which steps lead away.
     let map = Smooth {
         n: 2,
         f: |x: &[f64], out: &mut [f64]| {
@@ -198,7 +198,7 @@ fn a_singular_start_is_left() {
     let mut r = [0.0; 2];
     map.residual(&Selection::default(), &x, &mut r);
     assert!(r.iter().all(|r| r.abs() < 1e-12), "{x:?}");
-    // Without damping there is no way round.
+    // Without damping the run fails.
     let never = NewtonOptions::default().with_damping(Damping::Never);
     match Newton::new(never).solve(&map, &mut [0.0, 0.0]) {
         Err(NewtonError::Failed(u)) => assert_eq!(u.reason, Failure::Singular),
@@ -392,7 +392,7 @@ fn the_cycling_example_is_a_p_matrix() {
     }
 }
 
-/// What a solver keeps of a map is of no use for another one of the same size with other sites.
+/// The data that a solver keeps of a map are not reused for another one of the same size with other sites.
 #[test]
 fn a_solver_goes_from_map_to_map_of_one_size() {
     let smooth = scalar(|x| x * x - 4.0, |x| 2.0 * x);
@@ -408,8 +408,8 @@ fn a_solver_goes_from_map_to_map_of_one_size() {
     }
 }
 
-/// The circle y² + α² = R² and the line α = 0.6 R meet at y = 0.8 R, whatever the unit of lengths: a last correction has the size of the rounding
-/// of R, not of 1/R.
+/// The circle y² + α² = R² and the line α = 0.6 R meet at y = 0.8 R, whatever the unit of lengths: a last correction has the size of the
+/// rounding of R, not of 1/R.
 #[test]
 fn points_in_a_plane_are_exact_in_any_unit() {
     for radius in [1e-9, 1e-6, 1.0, 1e6] {
@@ -430,7 +430,7 @@ fn points_in_a_plane_are_exact_in_any_unit() {
     }
 }
 
-/// y² + c = 0 has no point in the plane α = 0, however small c is: that corrections stall is no success.
+/// y² + c = 0 has no point in the plane α = 0, however small c: stagnating corrections are no success.
 #[test]
 fn a_curve_that_misses_the_plane_is_not_met() {
     for c in [1e-4, 1e-7, 1e-9, 1e-11] {
@@ -452,7 +452,7 @@ fn a_curve_that_misses_the_plane_is_not_met() {
     }
 }
 
-/// In units in which every residual is small, the tolerance of steps says how near the curve y² = α is.
+/// In units in which every residual is small, the tolerance of steps controls the distance to the curve y² = α.
 #[test]
 fn corrections_end_by_their_steps_as_well() {
     let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
@@ -471,7 +471,7 @@ fn corrections_end_by_their_steps_as_well() {
     }
 }
 
-/// y + 20 y² = α for each of so many y.
+/// y + 20 y² = α for each of this number of y.
 struct Parabolas(usize);
 
 impl PiecewiseSmooth for Parabolas {
@@ -490,7 +490,7 @@ impl PiecewiseSmooth for Parabolas {
     }
 }
 
-/// Corrections go on with the first factors, count as those of Newton's method, and end with the tangent of the point.
+/// Corrections continue with the first factors, count as those of Newton's method, and end with the tangent at the point.
 #[test]
 fn large_corrections_go_on_by_chords() {
     let n = 201;

@@ -1,4 +1,4 @@
-//! Histories against runs made anew: steps by elimination, lengths by halving, residuals from the formula.
+//! Histories against independent runs: steps by elimination, step lengths by halving, residuals from the formula.
 
 use proptest::prelude::*;
 use semismooth::newton::{Convergence, Damping, Failure, Newton, NewtonError, NewtonOptions, Step};
@@ -70,7 +70,7 @@ fn is_halving(damping: f64) -> bool {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..ProptestConfig::default() })]
 
-    /// Up to the first step that is none of Newton's.
+    /// Up to the first step that is not a Newton step.
     #[test]
     fn entries_are_those_of_newton_steps(
         n in 1..=6_usize,
@@ -99,7 +99,7 @@ proptest! {
             if norm(&residual(&here)) < norm(&residual(&best)) {
                 best.clone_from(&here);
             } else if norm(&residual(&here)) > entry.residual_norm * (1.0 + 1e-6) {
-                // Before line searches the best iterate comes back.
+                // Before line searches the run returns to the best iterate.
                 before = map.selection(&here);
                 here.clone_from(&best);
             }
@@ -180,7 +180,7 @@ fn a_line_search_halves_until_the_residual_falls_enough() {
     assert!(halved > 100, "{halved}");
 }
 
-/// Both rows are x₁ + x₂ less a number: the step is that of least squares, −(r₁ + r₂)/4 in each variable, and (r₁ − r₂)/√2 is left.
+/// Both rows are x₁ + x₂ minus a number: the step is that of least squares, −(r₁ + r₂)/4 in each variable, and (r₁ − r₂)/√2 is left.
 #[test]
 fn steps_at_singular_jacobians_are_those_of_least_squares() {
     for (c, r) in [

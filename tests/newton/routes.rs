@@ -1,4 +1,4 @@
-//! Two routes to one run: a smooth map without sites, and the same as a semismooth map; and what a run costs.
+//! Two routes to the same run: a smooth map without sites, and the same as a semismooth map; and the cost of a run.
 
 use std::cell::Cell;
 
@@ -53,7 +53,7 @@ impl Semismooth for Plain {
     }
 }
 
-/// A simple root, one that full steps cycle around, a double one, none beside a minimum, none within a bounded slope.
+/// Functions with a simple root, one around which full steps cycle, a double root, none beside a minimum, none with a bounded slope.
 const FUNCTIONS: [Function; 5] = [
     |x| [x * x * x - 2.0 * x - 5.0, 3.0 * x * x - 2.0],
     |x| [x * x * x - 2.0 * x + 2.0, 3.0 * x * x - 2.0],
@@ -95,7 +95,7 @@ fn full_steps_cost_one_evaluation_each() {
     }
 }
 
-/// 3 x − 1 that is never below 20 units of rounding of its terms: that is the floor, at the first iterate that no longer falls.
+/// 3 x − 1, never smaller than 20 ε relative to its terms: that is the floor, reached at the first iterate that no longer decreases.
 #[test]
 fn residuals_that_rest_at_rounding_are_solved() {
     let floor = 20.0 * f64::EPSILON;
@@ -123,7 +123,7 @@ fn residuals_that_rest_at_rounding_are_solved() {
         );
         assert!((x[0] - 1.0 / 3.0).abs() < 1e-14 && newton.report().history.len() <= 5);
     }
-    // A residual that rests ten times higher is none of rounding.
+    // A residual that stagnates ten times higher is not rounding.
     let high = scalar(|x| 1e-12_f64.max((3.0 * x - 1.0).abs()), |_| 3.0);
     let options = NewtonOptions::default()
         .with_tolerances(0.0, 0.0)

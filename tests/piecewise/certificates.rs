@@ -104,7 +104,7 @@ fn maps_that_wind_twice_are_not_certified() {
     }
     assert_ne!(first.0, second.0);
     assert!((0..2).all(|k| (images[0][k] - images[1][k]).abs() < 1e-12));
-    // Three times round, backwards twice.
+    // Winding three times, and twice backwards.
     assert!(matches!(
         at_zero(&Sectors::winding(3.0), 100),
         LocalUniqueness::Winds { .. }
@@ -120,7 +120,7 @@ fn maps_that_wind_twice_are_not_certified() {
     ));
 }
 
-/// As many cells, but once round: unequal sectors' images, and mirrored.
+/// As many cells, but winding once: sectors with unequal images, and mirrored.
 #[test]
 fn maps_that_wind_once_are_certified() {
     let plain = at_zero(&Sectors::winding(1.0), 100);
@@ -154,7 +154,7 @@ fn maps_that_wind_once_are_certified() {
         mirrored,
         LocalUniqueness::Lipschitz { sign: Some(-1), .. }
     ));
-    // Folded: there and back.
+    // Folded back.
     let mut folded = Sectors::winding(1.0);
     folded.images[1] = [1.0, -0.3];
     assert!(matches!(at_zero(&folded, 100), LocalUniqueness::Fails { .. }));
@@ -209,7 +209,7 @@ mod traced {
     }
 
     #[test]
-    fn kinks_that_cancel_are_none() {
+    fn kinks_that_cancel_have_no_effect() {
         let map = Traced::new(Cancelling);
         let active = active_set(&map, &[0.0; 2], 1e-9);
         assert_eq!(active.total(), Some(4));
@@ -240,7 +240,7 @@ mod traced {
         }
     }
 
-    /// The same but that the second kink lies at y + y³ = 0: no point is between them, which first derivatives cannot tell.
+    /// The same except that the second kink lies at y + y³ = 0: no point lies between the kinks, which first derivatives cannot detect.
     struct Tangent;
     impl NonsmoothFunction for Tangent {
         fn num_vars(&self) -> usize {
@@ -290,7 +290,7 @@ mod traced {
     }
 
     #[test]
-    fn what_first_derivatives_cannot_tell_is_a_doubt() {
+    fn what_first_derivatives_cannot_decide_is_a_doubt() {
         let map = Traced::new(Tangent);
         let found = at_zero(&map, 10);
         assert!(

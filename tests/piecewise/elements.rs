@@ -17,8 +17,8 @@ fn distance(a: &Matrix, b: &Matrix) -> f64 {
     pairs.fold(0.0, |d, (a, b)| d.max((a - b).abs()))
 }
 
-/// The list holds the derivatives at random points near x, at which the map is differentiable, and nothing else, and so does the one element
-/// that Newton's method uses. Returns the number of elements.
+/// The list holds the derivatives at random points near x, at which the map is differentiable, and nothing else, and so does the one
+/// element that Newton's method uses. Returns the number of elements.
 fn agrees_with_derivatives_nearby(map: &dyn Semismooth, x: &[f64], rng: &mut Random) -> usize {
     let list = map.b_subdifferential(x, 1e-12, CAP).unwrap();
     let mut met = vec![false; list.len()];
@@ -90,9 +90,9 @@ fn penalised_functions_know_all_elements() {
     assert!([1, 2, 4, 8].iter().all(|k| sizes[*k] > 2), "{sizes:?}");
 }
 
-/// F₁ = x₁ − 1 and F₂ = 1 − x₁: of four choices of sides two meet.
+/// F₁ = x₁ − 1 and F₂ = 1 − x₁: two of four combinations of sides contain points.
 #[test]
-fn sides_that_do_not_meet_give_no_element() {
+fn sides_without_common_points_give_no_element() {
     let m = Matrix::from_rows(&[[1.0, 0.0], [-1.0, 0.0]]).unwrap();
     let lcp = Lcp::new(m, vec![-1.0, 1.0]).unwrap();
     let map = FischerBurmeister::penalised(lcp.mcp(), 0.5).unwrap();
@@ -101,7 +101,7 @@ fn sides_that_do_not_meet_give_no_element() {
         2
     );
     assert_eq!(map.b_subdifferential(&[1.0, 1.0], 1e-12, 3), None);
-    // Were F not known to be affine, the other two could have points.
+    // If F were not known to be affine, the other two could contain points.
     let bent = WithJacobian::new(
         2,
         |x: &[f64], out: &mut [f64]| (out[0], out[1]) = (x[0] - 1.0, 1.0 - x[0] + (x[1] - 1.0).powi(2)),
@@ -142,7 +142,7 @@ fn regularity_of_semismooth_maps() {
     };
     assert_eq!(at(1.0, 0.0, 0.0), degenerate);
 
-    /// The rows aᵢ x₁ + bᵢ x₂ + (x₁)₊ cᵢ, and what it says its derivatives are.
+    /// The rows aᵢ x₁ + bᵢ x₂ + (x₁)₊ cᵢ, with declared derivatives.
     struct Planar([[f64; 3]; 2]);
     impl Planar {
         fn element(&self, positive: bool) -> Matrix {
@@ -198,7 +198,7 @@ fn regularity_of_semismooth_maps() {
                 .sum();
             assert!((1.0 + share * c[0]).abs() < 1e-9 && singular_value.unwrap() < 1e-9);
         }
-        // Newton's method says so of its solution.
+        // Newton's method reports the same of its solution.
         let options = NewtonOptions::default().with_regularity(Some(RegularityOptions::default()));
         let mut newton = Newton::new(options);
         newton.solve_semismooth(&map, &mut [0.0, 0.5]).unwrap();

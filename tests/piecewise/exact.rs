@@ -1,4 +1,4 @@
-//! Verdicts at nearly singular points of affine complementarity problems against rational arithmetic.
+//! Verdicts at nearly singular points of affine complementarity problems, checked in rational arithmetic.
 
 use num_bigint::BigInt;
 use num_traits::{Signed, Zero};
@@ -29,7 +29,7 @@ fn integer(v: f64) -> BigInt {
     if v < 0.0 { -value } else { value }
 }
 
-/// By the rows of minors.
+/// By expansion along rows.
 fn determinant(m: &[Vec<BigInt>]) -> BigInt {
     let Some((first, rest)) = m.split_first() else {
         return BigInt::from(1);
@@ -61,7 +61,7 @@ impl Rational {
         }
     }
 
-    /// Of a selection: piece 1 is F.
+    /// The rows of a selection: piece 1 is F.
     fn rows(&self, s: &Selection) -> Vec<Vec<BigInt>> {
         let row = |(i, piece): (usize, usize)| [&self.one, &self.m][piece][i].clone();
         s.pieces().enumerate().map(row).collect()
@@ -78,7 +78,7 @@ impl Rational {
         }
     }
 
-    /// The direction that a regular selection takes to `value`, times its determinant, and whether it lies inside the cell; `None` on its
+    /// The direction that a regular selection maps to `value`, times its determinant, and whether it lies inside the cell; `None` on its
     /// boundary.
     fn holds_preimage(&self, s: &Selection, value: &[i64]) -> Option<bool> {
         let rows = self.rows(s);
@@ -106,7 +106,8 @@ impl Rational {
     }
 }
 
-/// Small integers; with one row a combination of others; the same divided by a number that is no power of two; that with last bits changed.
+/// Small integers; with one row a combination of others; the same divided by a number that is no power of two; and that with its last bits
+/// changed.
 fn matrix(rng: &mut Random, kind: usize) -> Vec<Vec<f64>> {
     let n = 2 + rng.below(3);
     let mut m: Vec<Vec<f64>> = (0..n)
@@ -134,7 +135,8 @@ fn matrix(rng: &mut Random, kind: usize) -> Vec<Vec<f64>> {
     m
 }
 
-/// Whether the gradients of x − M x are far enough from dependence for floating-point numbers to see that all cells have points.
+/// Whether the gradients of x − M x are far enough from linear dependence to prove in floating-point arithmetic that all cells have
+/// interior points.
 fn all_cells_are_open(m: &[Vec<f64>]) -> bool {
     let n = m.len();
     let row = |i: usize| -> Vec<f64> {
@@ -201,7 +203,7 @@ fn verdicts_agree_with_rational_arithmetic() {
         assert!(!(cd.is_regular() && !p || cd.fails() && p), "{m:?} {cd}");
         open += usize::from(!cd.is_regular() && !cd.fails());
 
-        // With all selections regular the index is that of any value without preimages on boundaries.
+        // With all selections regular the index is that of any value without preimages on boundaries of cells.
         if signs.contains(&0) {
             continue;
         }
@@ -227,7 +229,7 @@ fn verdicts_agree_with_rational_arithmetic() {
     assert_eq!(open, 0);
 }
 
-/// A pair of unknowns with a determinant of 2⁻⁵², beside others: decided up to 200 rows, and above that said not to be.
+/// A pair of unknowns with a determinant of 2⁻⁵², beside others: decided up to 200 rows, and reported undecided above.
 #[test]
 fn what_takes_too_long_is_undecided() {
     for (n, decided) in [(200, true), (201, false)] {
@@ -240,7 +242,7 @@ fn what_takes_too_long_is_undecided() {
         let mut q = vec![-1.0; n];
         (q[0], q[1]) = (-2.0, -2.0 - f64::EPSILON);
         let lcp = Lcp::new(m, q).unwrap();
-        // Between its bounds everywhere: a single selection.
+        // Strictly between its bounds everywhere: a single selection.
         let x = vec![1.0; n];
         let rounding = Regularity::Undecided {
             examined: 0,

@@ -105,7 +105,7 @@ fn absolute_values_have_closed_forms() {
     assert_eq!(sides(&found), [vec![1.0 / 3.0], vec![-1.0 / 3.0]]);
 }
 
-/// Cells that no y reaches while α is fixed count, as points with other α belong to them.
+/// Cells that no y reaches at fixed α count, as points with other α belong to them.
 #[test]
 fn cells_beside_the_parameter_count() {
     /// sign(α) (y − α), with the determinants −1 and 1.
@@ -136,7 +136,7 @@ fn cells_beside_the_parameter_count() {
 fn friction_of_one_node_slips_at_its_bound() {
     for k in [0.5, 4.0] {
         let g = 2.0;
-        // Of the law one side: u ≥ 0, λ ≤ g, and one of them holds with equality.
+        // One side of the law: u ≥ 0, λ ≤ g, and one of them holds with equality.
         let map = MinMap::curve(2, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
             a[0] = k * x[0] + x[1] - x[2];
             b[0] = a[0] + 1.0;
@@ -151,7 +151,7 @@ fn friction_of_one_node_slips_at_its_bound() {
         );
         assert!((found.constant().unwrap() - f64::max(1.0, 1.0 / k)).abs() < 1e-7);
     }
-    // Softening springs turn the orientation.
+    // Softening springs reverse the orientation.
     let map = MinMap::curve(2, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
         a[0] = x[1] - 0.5 * x[0] - x[2];
         b[0] = a[0] + 1.0;
@@ -245,7 +245,7 @@ fn derivatives_are_limits_of_difference_quotients() {
     }
 }
 
-/// Sectors that wind twice round the origin, pushed by α: every value but one is taken twice.
+/// Sectors that wind twice round the origin, shifted by α: every value but one is taken twice.
 #[test]
 fn maps_that_wind_have_no_implicit_function() {
     struct Pushed(Sectors);

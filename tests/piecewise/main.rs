@@ -40,7 +40,7 @@ fn the_checker_passes_correct_maps() {
     assert_eq!((report.points, report.outside), (12, 1));
     assert_eq!(report.selections, 12 * 9);
     assert!(report.boundaries > 10, "{report:?}");
-    // Beyond the cap each piece of each site is examined once with the others as they are.
+    // Beyond the cap each piece of each site is examined once, with the other sites at their own pieces.
     let few = CheckOptions::default().with_max_selections(4);
     let report = check(&Rubber(Fault::None), &samples(), &few).unwrap();
     assert_eq!(report.selections, 12 * 5);
@@ -92,7 +92,7 @@ fn each_deliberate_error_is_found_and_named() {
 }
 
 #[test]
-fn findings_tell_where() {
+fn findings_contain_their_location() {
     let found = findings(Fault::JacobianSign);
     assert!(found.iter().all(|f| f.kind == FindingKind::Jacobian), "{found:?}");
     assert!(found.iter().all(|f| f.entry == Some((3, 4))));
@@ -471,7 +471,7 @@ fn lipschitz_constants_of_complementarity_problems() {
     }
 }
 
-/// What a map says of itself at a point, all of it.
+/// All properties that a map declares at a point.
 fn told<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64]) -> (Vec<String>, Vec<f64>) {
     let (m, n) = (map.num_vars(), map.num_residuals());
     let layout = TestLayout::new(map);
@@ -517,10 +517,10 @@ fn told<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64]) -> (Vec<String>, Vec<f6
     (words, numbers)
 }
 
-/// References and boxes are the map itself, in what has defaults too.
+/// References and boxes delegate to the map, including methods with defaults.
 #[test]
 fn maps_behind_pointers() {
-    /// Overrides what `Rubber` leaves to defaults.
+    /// Overrides the methods for which `Rubber` uses defaults.
     struct Sized(Rubber);
     impl PiecewiseSmooth for Sized {
         same_cells!(0);

@@ -1,4 +1,4 @@
-//! First-order statements where kinks lie inside of others, against values of the map itself on a small circle.
+//! First-order results for nested kinks, against values of the map itself on a small circle.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -17,13 +17,13 @@ use semismooth::piecewise::{
 };
 use semismooth::sparse::{Matrix, Pattern};
 
-/// A kink in the sum of the values before it with these weights (another sum, for a maximum or a minimum).
+/// A kink of the sum of the earlier values with these weights (and of a second sum, for a maximum or a minimum).
 struct Kink {
     kind: usize,
     weights: [Vec<f64>; 2],
 }
 
-/// ℝ² → ℝⁿ: kinks, each in sums of the variables and of the kinks before it; at 0 all of them meet. Squares bend everything.
+/// ℝ² → ℝⁿ: kinks, each of sums of the variables and of the kinks before it; at 0 all of them meet. Squares make everything nonlinear.
 struct Nested {
     kinks: Vec<Kink>,
     outputs: Vec<Vec<f64>>,
@@ -99,7 +99,7 @@ impl NonsmoothFunction for Nested {
     }
 }
 
-/// So many directions all round; none is special.
+/// The number of directions around the circle; none of them is special.
 const DIRECTIONS: usize = 4000;
 
 fn direction(k: usize) -> [f64; 2] {
@@ -111,11 +111,11 @@ fn cross(a: &[f64], b: &[f64]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
-/// What the values on the circle say.
+/// The values on the circle.
 struct Circle {
     images: Vec<Vec<f64>>,
     selections: Vec<Selection>,
-    /// Whether no sector is so narrow, no image so short or so flat that the sample may mislead.
+    /// Whether no sector is so narrow, and no image so short or so flat, that the sample may mislead.
     clear: bool,
 }
 
@@ -143,7 +143,7 @@ impl Circle {
         }
     }
 
-    /// det ∇H at the k-th direction, where its sector goes on to the next.
+    /// det ∇H at the k-th direction, if the next direction belongs to the same sector.
     fn determinant(&self, k: usize) -> Option<f64> {
         let next = (k + 1) % DIRECTIONS;
         let step = cross(&direction(k), &direction(next));
@@ -151,7 +151,7 @@ impl Circle {
             .then(|| cross(&self.images[k], &self.images[next]) / step)
     }
 
-    /// How often the image goes round.
+    /// The winding number of the image.
     fn turns(&self) -> f64 {
         let angle = |k: usize| {
             let (a, b) = (&self.images[k], &self.images[(k + 1) % DIRECTIONS]);
@@ -208,13 +208,13 @@ fn essentially_active_are_the_selections_that_are_met() {
 }
 
 #[test]
-fn uniqueness_is_what_the_image_of_a_circle_says() {
+fn uniqueness_agrees_with_the_image_of_a_circle() {
     let mut random = Random::new(23);
     let (mut unique, mut sharp, mut not, mut doubts) = (0, 0, 0, 0);
     let load = Matrix::from_rows(&[[1.0, 0.0], [0.0, 1.0]]).unwrap();
     for case in 0..600 {
         let mut nested = Nested::random(&mut random, 2 + case % 3, 2, case % 4 == 0);
-        // Near to the identity half of them are homeomorphisms.
+        // Close to the identity half of them are homeomorphisms.
         nested.outputs[0][0] += 2.0;
         nested.outputs[1][1] += 2.0;
         let circle = Circle::new(&nested);
@@ -236,7 +236,7 @@ fn uniqueness_is_what_the_image_of_a_circle_says() {
             } => {
                 assert!(homeomorphic, "{case}");
                 assert_eq!(sign, Some(determinants[0].signum() as i8), "{case}");
-                // The largest ‖A⁻¹‖∞ over the sectors, A the matrix that takes two directions to their images.
+                // The largest ‖A⁻¹‖∞ over the sectors, where A maps two directions to their images.
                 let inverse = |k: usize| {
                     let next = (k + 1) % DIRECTIONS;
                     let [d, e] = [direction(k), direction(next)];
@@ -253,7 +253,7 @@ fn uniqueness_is_what_the_image_of_a_circle_says() {
                     constant > expected * (1.0 - 1e-8),
                     "{case}: {constant} {expected}"
                 );
-                // A cell that is empty to first order may have points beside it, and then counts.
+                // A cell that is empty to first order may have points nearby, and then counts.
                 let met: BTreeSet<&Selection> = circle.selections.iter().collect();
                 if selections == met.len() as u64 {
                     assert!(
@@ -345,7 +345,7 @@ fn arms_are_the_zeros_on_a_circle() {
             (circle.images[*k][0] > 0.0) != (circle.images[next][0] > 0.0)
         };
         let expected: Vec<usize> = (0..DIRECTIONS).filter(changes).collect();
-        // Where the value comes near to 0 without a change the sample may mislead.
+        // Where the value almost vanishes without changing sign the sample may mislead.
         let near = |k: usize| {
             let small = circle.images[k][0].abs() < 1e-2;
             let there = |&e: &usize| (k + DIRECTIONS - e).min(k.abs_diff(e)) < 100;
@@ -372,7 +372,7 @@ fn arms_are_the_zeros_on_a_circle() {
     assert!(compared > 150 && several > 20, "{compared} {several}");
 }
 
-/// An implementation with an error.
+/// An implementation with a deliberate error.
 struct Wrong {
     map: Traced<Nested>,
     fault: usize,
@@ -395,7 +395,7 @@ impl PiecewiseSmooth for Wrong {
     fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
         let last = self.num_sites() - 1;
         match (d, self.fault) {
-            // Those of the pieces at x.
+            // Those of the active pieces at x.
             (_, 1) => match d {
                 Some(d) => self.map.test_derivatives(x, d, out),
                 None => self.map.test_functions(x, out),
@@ -422,7 +422,7 @@ fn the_checker_compares_the_tests_of_selections() {
         let samples: Vec<Vec<f64>> = (0..20).map(|_| random.vector(2, 1.0)).collect();
         let found = check(&map, &samples, &CheckOptions::default());
         match (fault, found) {
-            // Tests with kinks have no derivative there, which shows only at samples beside them.
+            // Test functions with kinks have no derivative there, which shows only at samples nearby.
             (0 | 1, Ok(_)) => {}
             (_, Err(CheckError::Findings(found))) if fault > 0 => {
                 let own = found.iter().all(|f| f.kind == FindingKind::SelectionTests);
@@ -433,7 +433,7 @@ fn the_checker_compares_the_tests_of_selections() {
     }
 }
 
-/// Two throttles whose bound is a kink itself: λᵢ is the part of vᵢ between ∓(1 + |λⱼ − vⱼ/2|)/2.
+/// Two sites with a friction bound that itself has a kink: λᵢ is the part of vᵢ between ∓(1 + |λⱼ − vⱼ/2|)/2.
 #[derive(Clone)]
 struct Throttles;
 
@@ -466,7 +466,7 @@ fn laws_of_interfaces_may_nest_their_kinks() {
     check(&full, &samples, &CheckOptions::default()).unwrap();
     let few: Vec<Vec<f64>> = samples.iter().map(|x| x[..3].to_vec()).collect();
     check(&condensed, &few, &CheckOptions::default()).unwrap();
-    // Both have the same transitions, and between them the points that Newton's method finds.
+    // Both forms have the same transitions, and the same points between them as Newton's method finds.
     let options = ContinuationOptions::default().with_parameter_range((-4.0, 4.0));
     let mut x = [0.0, 0.0, -4.0];
     Newton::default().solve(&condensed, &mut x).unwrap();
@@ -504,7 +504,7 @@ impl NonsmoothFunction for OneOrTwo {
     }
 }
 
-/// Where y > 0 neither test function is positive without the other: such selections are known to have no points, not merely to first order.
+/// Where y > 0 neither test function is positive without the other: such selections are known to be empty, not only to first order.
 #[test]
 fn tests_that_are_one_function_in_a_selection_exclude_its_cell() {
     let map = Traced::new(OneOrTwo);

@@ -7,7 +7,7 @@ use semismooth::sparse::{Matrix, Pattern};
 
 use super::random::Random;
 
-/// A map of one variable by its value and what is said to be its derivative.
+/// A map of one variable by its value and its declared derivative.
 struct Scalar(fn(f64) -> f64, fn(f64) -> f64);
 
 impl Semismooth for Scalar {
@@ -49,7 +49,7 @@ fn orders_are_those_of_powers() {
         let found = orders(&map, &[vec![0.0]])[0].unwrap();
         assert!((found - order).abs() < 1e-2, "{found} {order}");
     }
-    // Affine pieces leave nothing.
+    // Affine pieces have no remainder.
     assert_eq!(
         orders(&Scalar(f64::abs, f64::signum), &[vec![0.0], vec![1.5]]),
         [None, None]
@@ -194,7 +194,7 @@ impl Semismooth for Sparse {
 }
 
 #[test]
-fn a_pattern_that_lacks_entries_is_told_without_more() {
+fn a_pattern_that_lacks_entries_is_the_only_finding() {
     let found = findings(&Sparse, &[vec![0.3, 0.4, 0.5]]);
     assert!(!found.is_empty());
     assert!(
@@ -204,8 +204,8 @@ fn a_pattern_that_lacks_entries_is_told_without_more() {
 }
 
 #[test]
-fn maps_that_are_not_semismooth_are_told() {
-    // Differentiable, with a derivative that does not settle.
+fn maps_that_are_not_semismooth_are_reported() {
+    // Differentiable, with a derivative that does not converge.
     let wave = Scalar(
         |x| if x == 0.0 { 0.0 } else { x * x * (1.0 / x).sin() },
         |x| {
@@ -221,7 +221,7 @@ fn maps_that_are_not_semismooth_are_told() {
         found.iter().any(|f| f.kind == FindingKind::Semismooth),
         "{found:?}"
     );
-    // The derivative of |x| smoothed near 0, of which nothing is seen but next to the kink.
+    // The derivative of |x| smoothed near 0, which is wrong only next to the kink.
     let smoothed = Scalar(f64::abs, |x| (x / 1e-5).tanh());
     let found = findings(&smoothed, &[vec![0.0]]);
     assert_eq!(found.len(), 1, "{found:?}");
@@ -231,7 +231,7 @@ fn maps_that_are_not_semismooth_are_told() {
     );
     let nan = Scalar(|x| x, |x| x / x);
     assert_eq!(findings(&nan, &[vec![0.0]])[0].kind, FindingKind::NotFinite);
-    // Outside of a domain nothing is asked.
+    // Outside a domain nothing is evaluated.
     assert_eq!(
         orders(&Scalar(|x| x * x.sqrt(), |x| 1.5 * x.sqrt()), &[vec![0.0]]).len(),
         1
@@ -244,8 +244,8 @@ fn derivative(map: &dyn Semismooth, x: &[f64]) -> Matrix {
     jac
 }
 
-/// Where kinks of the penalty meet, the derivative of all components is that at points on one side of all kinks. Without closed gaps at which
-/// F = 0, too, there are finitely many.
+/// Where kinks of the penalty meet, the derivative of all components is that at points on one side of all kinks. If no gap is closed with F
+/// = 0, there are finitely many such derivatives.
 #[test]
 fn penalised_derivatives_at_kinks_are_those_nearby() {
     let inf = f64::INFINITY;

@@ -76,7 +76,7 @@ impl PiecewiseSmooth for Min {
     }
 }
 
-/// x + c (θ·x)₊: a segment between I and I + c θᵀ.
+/// x + c (θ·x)₊: Clarke's generalised Jacobian is the segment between I and I + c θᵀ.
 struct Kink {
     c: [f64; 2],
     theta: [f64; 2],
@@ -109,7 +109,7 @@ fn elements(map: &impl PiecewiseSmooth, x: &[f64]) -> Vec<BElement> {
         .unwrap()
 }
 
-/// A singular matrix, mixed from others with entries up to `largest`, takes a unit vector to next to nothing, as told.
+/// A singular combination of matrices with entries up to `largest` maps a unit vector almost to zero, with the reported singular value.
 fn check_witness(matrix: &Matrix, largest: f64, singular_value: Option<f64>, direction: &[f64]) {
     let mut image = vec![0.0; matrix.nrows()];
     matrix.mul_vec(direction, &mut image);
@@ -119,7 +119,7 @@ fn check_witness(matrix: &Matrix, largest: f64, singular_value: Option<f64>, dir
     assert!(norm(&image) < 1e-10 * largest, "{image:?}");
 }
 
-/// The witness of strong regularity, mixed from selections that are active.
+/// The witness of strong regularity, a row-wise combination of active selections.
 fn check_mixture(map: &impl PiecewiseSmooth, x: &[f64], found: &Regularity) {
     let Regularity::Fails {
         combination,
@@ -169,7 +169,7 @@ fn b_subdifferentials_hold_the_gradients_nearby() {
     for k in 0..400 {
         let at = |j: usize| ((k * 7 + 1) as f64 * [0.61, 1.37, 2.23][j]).sin() * 1e-3;
         let x = [at(0), at(1), at(2)];
-        // The gradient there, from which function is smaller.
+        // The gradient there, according to which function is smaller.
         let selection = select(&map, &x);
         let position = found.iter().position(|e| e.selection == selection).unwrap();
         seen[position] = true;
@@ -184,7 +184,7 @@ fn b_subdifferentials_hold_the_gradients_nearby() {
     }
     assert_eq!(seen, [true; 8]);
     assert_eq!(elements(&map, &[1.0, -0.3, 0.7]).len(), 1);
-    // Of 2⁶⁰ selections a few are looked at.
+    // Of 2⁶⁰ selections only a few are examined.
     let many = Min((0..60)
         .map(|i| (0..60).map(|j| if i == j { 2.0 } else { 0.0 }).collect())
         .collect());
@@ -197,7 +197,7 @@ fn b_subdifferentials_hold_the_gradients_nearby() {
     );
 }
 
-/// M = I − (1, 1) ⊗ (2, −3): both rows change together, so that two selections of four have points nearby.
+/// M = I − (1, 1) ⊗ (2, −3): both rows change together, so that only two of four selections have points nearby.
 fn together() -> Min {
     Min(vec![vec![-1.0, 3.0], vec![-2.0, 4.0]])
 }
@@ -230,7 +230,7 @@ fn clarke_elements_are_convex_combinations() {
     assert!(clarke_element(&map, &[1.0, 0.0], &[(s(0), 1.0)], 1e-9).is_err());
 }
 
-/// A selection that is not essentially active may be singular; strong regularity, which is about all perturbations, sees it.
+/// A selection that is not essentially active may be singular; strong regularity, which concerns all perturbations, depends on it.
 #[test]
 fn strong_regularity_asks_for_more_than_clarke() {
     let map = together();
@@ -251,7 +251,7 @@ fn a_singular_selection_is_named() {
     assert_eq!(*combination, [(Selection::from_pieces([0, 1]), 1.0)]);
     check_clarke(&map, &[0.0; 2], &found);
     assert_eq!(cd_regularity(&map, &[0.0; 2], 1e-9, CAP).unwrap(), found);
-    // Next to it the map is smooth and regular: the identity.
+    // Next to the point the map is smooth and regular: the identity.
     let Regularity::Regular {
         selections,
         singular_value,
@@ -263,7 +263,7 @@ fn a_singular_selection_is_named() {
     assert_eq!(selections, 1);
     assert!((singular_value.unwrap() - 1.0).abs() < 1e-14);
     assert_eq!(weakest.unwrap().0, Selection::uniform(2, 0));
-    // A list cut short before that selection says nothing.
+    // A list cut short before that selection decides nothing.
     let cut = bd_regularity(&map, &[0.0; 2], 1e-9, 1).unwrap();
     assert_eq!(
         cut,
@@ -274,7 +274,7 @@ fn a_singular_selection_is_named() {
     );
 }
 
-/// det (I + t c θᵀ) = 1 + t θ·c, although a row of one with a row of the other has a determinant of the other sign.
+/// det (I + t c θᵀ) = 1 + t θ·c, although a matrix with rows of both may have a determinant of the other sign.
 #[test]
 fn two_pieces_are_decided_by_eigenvalues() {
     let kink = |excess: f64| Kink {
@@ -329,12 +329,12 @@ fn maps_that_wind_have_their_index() {
             1 => assert!(found.is_regular(), "{found:?}"),
             _ => check_clarke(&map, &origin, &found),
         }
-        // Eight selections, of which rows are mixed in 64 ways: fewer are no argument.
+        // Eight selections, whose rows combine in 64 ways: fewer prove nothing.
         let capped = cd_regularity(&map, &origin, 1e-9, 8).unwrap();
         assert!(turns.abs() == 1 || !capped.is_regular(), "{capped:?}");
         assert_eq!(local_index(&map, &origin, 1e-9, 7).unwrap(), None);
     }
-    // Once round with a step back: signs differ.
+    // Winding once with a step back: signs differ.
     let mut folded = Sectors::winding(1.0);
     folded.images[1] = [1.0, -0.3];
     assert!(matches!(
@@ -349,7 +349,7 @@ fn maps_that_wind_have_their_index() {
     assert_eq!(local_index(&abs, &[0.0], 1e-9, CAP).unwrap(), Some(0));
 }
 
-/// (x, y) for x > 0 and (x, −y) for x < 0: not continuous, so that the signs at the preimages of different values have different sums.
+/// (x, y) for x > 0 and (x, −y) for x < 0: not continuous, so that the sums of signs over the preimages differ between values.
 struct Torn;
 
 impl PiecewiseSmooth for Torn {
@@ -377,8 +377,8 @@ fn maps_that_jump_have_no_index() {
     assert_eq!(local_index(&Torn, &[-1.0, 0.0], 1e-9, CAP).unwrap(), Some(-1));
 }
 
-/// Turned there and back by up to 60°: rows of two of the matrices, or columns, make one whose determinant is negative, but all have
-/// definite symmetric parts, and so have their combinations.
+/// Rotated back and forth by up to 60°: rows, or columns, of two of the matrices can combine to a negative determinant, but all have
+/// definite symmetric parts, and so have their convex combinations.
 #[test]
 fn definite_symmetric_parts_are_seen() {
     let mut map = Sectors::winding(1.0);
@@ -555,7 +555,7 @@ proptest! {
     /// min(x, M x) at 0: BD-regular exactly if no principal minor vanishes, CD-regular, strongly regular and coherently oriented exactly
     /// if all are positive; the normal map, which changes columns, says the same.
     #[test]
-    fn p_matrices_are_told_in_all_ways(entries in proptest::collection::vec(-3..=3_i32, 9), shift in 0..=4_i32) {
+    fn p_matrices_are_recognised_in_all_ways(entries in proptest::collection::vec(-3..=3_i32, 9), shift in 0..=4_i32) {
         let m: Vec<Vec<f64>> = (0..3)
             .map(|i| (0..3).map(|j| f64::from(entries[3 * i + j] + if i == j { shift } else { 0 })).collect())
             .collect();
@@ -610,9 +610,10 @@ proptest! {
     }
 }
 
-/// Solvers that are asked say of the point returned what the functions say of it, and nothing where they are not or do not solve.
+/// Solvers with the option set report what the functions find at the point returned, and nothing if the option is not set or the problem is
+/// not solved.
 #[test]
-fn reports_tell_the_regularity_of_the_solution() {
+fn reports_contain_the_regularity_of_the_solution() {
     let wanted = RegularityOptions::default();
     let options = NewtonOptions::default().with_regularity(Some(wanted));
     // min(x, M x): 0 is the only solution, or one of many; det M = 11, 0 and −3.
@@ -647,7 +648,7 @@ fn reports_tell_the_regularity_of_the_solution() {
             (m[1][1] == 6.0, Some(strong))
         );
         assert!(report.to_string().contains("strongly regular: "), "{report}");
-        // The next solve forgets it.
+        // The next solve resets it.
         let plain = McpSolver::default()
             .solve(lcp.mcp(), &mut x)
             .unwrap()
@@ -670,7 +671,7 @@ fn reports_tell_the_regularity_of_the_solution() {
 }
 
 #[test]
-fn verdicts_on_solutions_are_told_in_words() {
+fn verdicts_on_solutions_are_printed_in_words() {
     let told = |m: [[f64; 2]; 2]| {
         let map = Min(m.iter().map(|row| row.to_vec()).collect());
         let wanted = RegularityOptions::default();

@@ -1,4 +1,4 @@
-//! A friction-like map that can be given errors.
+//! A friction-like map with optional errors.
 
 use std::borrow::Cow;
 
@@ -25,8 +25,8 @@ pub(crate) enum Fault {
     SiteExtra,
 }
 
-/// Two rubber blocks on a table, λᵢ = P_[−g, g](λᵢ + r uᵢ) with the bound g = α: sliding left, sticking, sliding right; without
-/// meaning for α < 0. Unknowns u₁, u₂, λ₁, λ₂, α.
+/// Two rubber blocks on a table, λᵢ = P_[−g, g](λᵢ + r uᵢ) with the bound g = α: sliding left, sticking, sliding right; undefined for α <
+/// 0. Unknowns u₁, u₂, λ₁, λ₂, α.
 pub(crate) struct Rubber(pub(crate) Fault);
 
 pub(crate) const R: f64 = 1.5;

@@ -1,4 +1,4 @@
-//! Functions written once over a scalar.
+//! Functions written once, generic over the scalar type.
 
 use proptest::prelude::*;
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
@@ -114,7 +114,7 @@ fn pieces_and_names_follow_the_values() {
     assert_eq!(map.piece_name(4, select(&map, &x).piece(4)), "interior");
 }
 
-/// One elementary function a component, each of its own variable.
+/// One elementary function per component, each of its own variable.
 struct Elementary;
 
 impl NonsmoothFunction for Elementary {
@@ -180,7 +180,7 @@ proptest! {
     }
 }
 
-/// |max(y, 0) − 1| = α, said to be affine, too: one kink inside another.
+/// |max(y, 0) − 1| = α, declared affine, too: nested kinks.
 struct Nested;
 
 impl NonsmoothFunction for Nested {
@@ -199,7 +199,7 @@ impl NonsmoothFunction for Nested {
     }
 }
 
-/// α = max(y, 2 y) · 10³, said to be affine, with the size of y.
+/// α = max(y, 2 y) · 10³, declared affine, with the typical size of y.
 struct Ramp;
 
 impl NonsmoothFunction for Ramp {
@@ -221,7 +221,7 @@ impl NonsmoothFunction for Ramp {
 }
 
 #[test]
-fn what_a_function_says_of_itself_is_handed_on() {
+fn what_a_function_declares_is_passed_on() {
     let map = Traced::new(Ramp);
     let mut sizes = [1.0; 2];
     map.typical_sizes(&mut sizes);
@@ -234,7 +234,7 @@ fn what_a_function_says_of_itself_is_handed_on() {
     assert_eq!(branch.transitions[0].x, [0.0, 0.0]);
 }
 
-/// A kink on one side of an `if` only: the other side is out of the domain, whichever side x = 0 is on.
+/// A kink on one side of an `if` only: the side that does not contain x = 0 is outside the domain.
 #[test]
 fn kinks_that_come_and_go_are_noticed() {
     struct Sometimes(f64);
@@ -273,8 +273,8 @@ fn kinks_that_come_and_go_are_noticed() {
     }
 }
 
-/// Two contact nodes with friction, coupled by springs; the bound of friction is a kink inside another one where `nested`.
-/// x = (u_ν1, u_t1, u_ν2, u_t2, λ_ν1, λ_t1, λ_ν2, λ_t2, α).
+/// Two contact nodes with friction, coupled by springs; the bound of friction is a kink inside another one where `nested`. x = (u_ν1, u_t1,
+/// u_ν2, u_t2, λ_ν1, λ_t1, λ_ν2, λ_t2, α).
 struct Nodes {
     nested: bool,
 }
@@ -343,7 +343,7 @@ fn patterns_and_rows_of_sites_are_traced_over_all_pieces() {
             })
             .collect();
         entries.sort_unstable();
-        // The bound acts in the pieces "lower" and "upper", the multiplier itself in none of them: all of these count.
+        // The bound appears in the pieces "lower" and "upper", the multiplier itself in neither: all of these entries count.
         assert_eq!(entries, seen(&map, &points), "nested: {nested}");
         let mut rows = Vec::new();
         for site in 0..map.num_sites() {
@@ -458,7 +458,7 @@ fn a_pattern_that_lacks_an_entry_is_refused_at_the_first_jacobian() {
 }
 
 #[test]
-fn entries_are_told_apart_beyond_one_window_of_labels() {
+fn entries_are_distinguished_beyond_one_window_of_labels() {
     /// Residual i couples x_i with x_{m − 1 − i}.
     struct Wide(usize, bool);
     impl NonsmoothFunction for Wide {

@@ -1,4 +1,4 @@
-//! Arms at points that are known to rounding, against references in exact arithmetic and lists of solutions.
+//! Arms at points that are accurate to rounding, against references in exact arithmetic and lists of solutions.
 
 use super::common::{self, cases};
 use super::random::Random;
@@ -37,7 +37,7 @@ fn complementarity(m: &[Vec<f64>], d: &[f64], q: &[f64]) -> Mcp<AffineFunction> 
     Mcp::new(f, vec![0.0; n], vec![f64::INFINITY; n]).unwrap()
 }
 
-/// The pieces of branches that meet at a vertex, with the sign of α̇ away from it, and those that were found.
+/// Compares the pieces of branches that meet at a vertex, with the sign of α̇ away from it, with the arms found.
 fn compare<V: View>(map: &Contact<V, PlanarCoulomb>, case: &common::Case, k: usize) {
     let vertex = &case.vertices()[k];
     let json = &case.json["graph"]["vertices"][k];
@@ -49,8 +49,8 @@ fn compare<V: View>(map: &Contact<V, PlanarCoulomb>, case: &common::Case, k: usi
     x.copy_from_slice(&values);
     let found = arms(map, &x);
     let context = format!("{}, vertex {k}: {found:#?}", case.name);
-    // Where F = 0 the map ends, which its exact conditions do not tell; a segment that leaves a branch point at one α has a kernel of
-    // dimension two.
+    // Where F = 0 the domain of the map ends, which its exact conditions do not state; a segment that leaves a branch point at constant α
+    // has a kernel of dimension two.
     let doubt = match (vertex.kind.as_str(), case.name.as_str()) {
         ("end", _) => Some(Doubt::NoCoefficients),
         ("branching", "p1_ex3") => Some(Doubt::Rounding),
@@ -135,7 +135,7 @@ fn steep_arms_are_not_vertical() {
     }
 }
 
-/// y_i = max(0, α − c_i): kinks at c₁ and c₂ = c₁ + 2⁻⁴⁰ are two, and one where the numbers are the same.
+/// y_i = max(0, α − c_i): kinks at c₁ and c₂ = c₁ + 2⁻⁴⁰ are two; if the numbers are equal they are one.
 #[test]
 fn kinks_that_are_close_are_two() {
     let identity = [vec![1.0, 0.0], vec![0.0, 1.0]];
@@ -168,7 +168,7 @@ fn kinks_that_are_close_are_two() {
             .iter()
             .all(|t| (t - 3f64.sqrt().recip()).abs() < 1e-15)
     );
-    // The point need not be a floating-point number: 0.3/0.7.
+    // The point need not be representable: 0.3/0.7.
     let scaled = complementarity(&identity, &[0.7; 2], &[0.3; 2]);
     let found = arms(&scaled, &[0.0, 0.0, 0.3 / 0.7]);
     assert_eq!(
@@ -177,7 +177,7 @@ fn kinks_that_are_close_are_two() {
     );
 }
 
-/// A point off the curve, and a map that states nothing.
+/// A point off the curve, and a map that does not state its coefficients.
 #[test]
 fn points_and_maps_without_proof() {
     let map = complementarity(&[vec![1.0]], &[1.0], &[0.0]);
@@ -218,7 +218,7 @@ fn regular_points_have_two_arms() {
     }
 }
 
-/// Random stiffness and load, of no force at α = 0 (or 0.25), with friction F or F + α.
+/// Random stiffness and load, with zero force at α = 0 (or 0.25), with friction F or F + α.
 fn unloaded(p: usize, seed: u64, rates: bool) -> FullContact<PlanarCoulomb> {
     let mut rng = Random::new(seed);
     let n = 2 * p;
@@ -282,8 +282,8 @@ proptest! {
     }
 }
 
-/// A part of the search that error bounds leave open is decided in exact arithmetic: in the unknowns of the map, since the numbers of the
-/// reduced ones are too long.
+/// A part of the search that error bounds do not decide is decided in exact arithmetic: in the unknowns of the map, since the reduced ones
+/// have too many digits.
 #[test]
 fn what_error_bounds_leave_open_is_decided() {
     for (p, seed) in [(5, 7_855_145_792_876_383_765), (6, 4_664_866_812_566_085_134)] {
@@ -298,8 +298,8 @@ fn what_error_bounds_leave_open_is_decided() {
     }
 }
 
-/// 3 y₁ = α and y₂ ≥ 0 with 3 y₁ + y₂ − α ≥ 0: along the arm with α̇ > 0 that row rests at 0, which no error bounds of 1/3 prove. The other
-/// arm is y = 0. With −α the two change places.
+/// 3 y₁ = α and y₂ ≥ 0 with 3 y₁ + y₂ − α ≥ 0: along the arm with α̇ > 0 that row stays at 0, which error bounds for 1/3 cannot prove. The
+/// other arm is y = 0. With −α the two change places.
 #[test]
 fn rows_that_rest_at_zero_along_an_arm_are_decided() {
     for side in [1, -1] {
@@ -323,8 +323,8 @@ fn rows_that_rest_at_zero_along_an_arm_are_decided() {
     }
 }
 
-/// F = α, whatever z: with z ≤ 0 the point 0 has an arm along which z falls at α = 0, with z ≥ 0 one along which it grows, and with z free
-/// both.
+/// F = α for all z: with z ≤ 0 the point 0 has an arm along which z decreases at α = 0, with z ≥ 0 one along which it increases, and with z
+/// free both.
 #[test]
 fn vertical_arms_lead_into_the_bounds() {
     let infinite = f64::INFINITY;
@@ -343,8 +343,8 @@ fn vertical_arms_lead_into_the_bounds() {
     }
 }
 
-/// A stiff plate on an obstacle, just touched by its first node: where exact elimination would take too long, error bounds prove that
-/// there is one way on and one back.
+/// A stiff plate on an obstacle, just touched by its first node: where exact elimination would take too long, error bounds prove that there
+/// are two arms, forward and back.
 #[test]
 fn arms_of_large_problems_are_proven_without_exact_arithmetic() {
     let (n, band) = (200, 40);

@@ -1,4 +1,4 @@
-//! Rays, segments and lines of solutions, and selections of degenerate ones: the same with coefficients that are stated and without.
+//! Rays, segments and lines of solutions, and selections of degenerate ones: the same whether or not coefficients are stated.
 
 use semismooth::complementarity::Lcp;
 use semismooth::enumeration::{
@@ -30,7 +30,7 @@ fn boxed(rows: &[Vec<f64>], q: &[f64], lower: &[f64], upper: &[f64]) -> Lcp {
     Lcp::boxed(matrix, q.to_vec(), lower.to_vec(), upper.to_vec()).unwrap()
 }
 
-/// The list that is proven and the one that is not.
+/// The proven list and the unproven one.
 fn both(lcp: &Lcp) -> [SolutionSet; 2] {
     let [stated, not] = [list(lcp.mcp(), 0.0), list(&Unstated(lcp.mcp()), 0.0)];
     assert_eq!(stated.completeness, Completeness::Complete);
@@ -54,7 +54,7 @@ fn is_at(continuum: &Continuum, ends: &[&[f64]]) -> bool {
 
 /// a ≤ z₁ ⟂ s (z₂ − b) ≥ 0 and b ≤ z₂ ⟂ s (z₁ − a) ≥ 0: two rays from (a, b), at a right angle.
 #[test]
-fn rays_from_one_point_are_told_apart() {
+fn rays_from_one_point_are_distinguished() {
     for (a, b, s) in [(0.0, 0.0, 1.0), (3.0, -2.0, 1.0 / 1024.0), (-100.0, 10.0, 1024.0)] {
         let rows = [vec![0.0, s], vec![s, 0.0]];
         let lcp = boxed(&rows, &[-s * b, -s * a], &[a, b], &[INFINITE; 2]);
@@ -68,9 +68,9 @@ fn rays_from_one_point_are_told_apart() {
     }
 }
 
-/// z₁ = c and every z₂ between its bounds: a segment, rays or a line, which both selections of z₁ hold.
+/// z₁ = c and every z₂ between its bounds: a segment, rays or a line, which both selections of z₁ contain.
 #[test]
-fn what_two_selections_hold_is_listed_once() {
+fn what_two_selections_share_is_listed_once() {
     for c in [0.0, 0.3, -7e3] {
         for (lower, upper) in [
             (-1.0, 2.0),
@@ -97,7 +97,7 @@ fn what_two_selections_hold_is_listed_once() {
     }
 }
 
-/// 0 ≤ z ⟂ M z ≥ 0 for a nondegenerate M: z = 0 is alone, and all selections give it. Their determinants are the principal minors.
+/// 0 ≤ z ⟂ M z ≥ 0 for a nondegenerate M: z = 0 is isolated, and all selections give it. Their determinants are the principal minors.
 #[test]
 fn selections_come_in_order_with_the_signs_of_their_minors() {
     let matrices = [
@@ -131,7 +131,7 @@ fn selections_come_in_order_with_the_signs_of_their_minors() {
     }
 }
 
-/// The same where the matrix is triangular, so that minors are products of its diagonal. Of more than 256 selections some are told.
+/// The same for a triangular matrix, so that minors are products of its diagonal entries. Of more than 256 selections some are listed.
 #[test]
 fn selections_of_triangular_problems_come_in_order() {
     const DIAGONAL: [f64; 9] = [1.0, -2.0, 3.0, -1.0, 0.5, -4.0, 2.0, -1.0, 1.5];
@@ -162,10 +162,10 @@ fn selections_of_triangular_problems_come_in_order() {
     }
 }
 
-/// F(z) = 0.01 − z + E z in [−1, 1]ⁿ with a small E ≥ 0: each of the 3ⁿ selections has a solution of its own, so that nothing can be ruled
-/// out, and as many are examined as are found.
+/// F(z) = 0.01 − z + E z in [−1, 1]ⁿ with a small E ≥ 0: each of the 3ⁿ selections has its own solution, so that none can be ruled out, and
+/// as many are examined as are found.
 #[test]
-fn a_search_that_stops_says_how_far_it_came() {
+fn a_search_that_stops_reports_its_progress() {
     const N: usize = 4;
     let entry = |i: usize, j: usize| match i == j {
         true => -1.0,

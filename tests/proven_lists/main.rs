@@ -1,5 +1,5 @@
-//! Lists of solutions that are proven: near-degenerate problems against exact references (tests/data/near_degenerate.json: all selections
-//! tried one by one in rational arithmetic, from the same floating-point data).
+//! Proven lists of solutions: near-degenerate problems against exact references (tests/data/near_degenerate.json: all selections tried one
+//! by one in rational arithmetic, from the same floating-point data).
 
 use std::cell::Cell;
 
@@ -37,7 +37,7 @@ fn list(map: &dyn PiecewiseSmooth, alpha: f64) -> SolutionSet {
     all_solutions(map, alpha, &EnumerationOptions::default()).unwrap()
 }
 
-/// The list at α = 0 if time is over after so many looks at the clock, and how often it was looked at.
+/// The list at α = 0 if time runs out after this number of checks of the clock, and the number of checks.
 fn cut_short(map: &dyn PiecewiseSmooth, most: usize) -> (SolutionSet, usize) {
     let looks = Cell::new(0);
     let stop = || {
@@ -83,7 +83,7 @@ fn loaded(a: Matrix, load: LoadPath, coefficient: Vec<f64>) -> FullContact<Plana
     .unwrap()
 }
 
-/// Blocks [[2, −1], [−1, 2]], one a node: F = 2 is critical.
+/// Blocks [[2, −1], [−1, 2]], one per node: F = 2 is critical.
 fn blocks(p: usize) -> Matrix {
     let entry = |i: usize, j: usize| match i.abs_diff(j) {
         0 => 2.0,
@@ -138,7 +138,7 @@ fn expected(case: &Value) -> Vec<Vec<(String, i64)>> {
     all
 }
 
-/// Whether a singular selection holds a segment (or more), by the reference.
+/// Whether a singular selection contains a segment (or more), by the reference.
 fn has_continua(case: &Value) -> bool {
     let held = case["singular"].as_array().unwrap().iter();
     held.filter_map(Value::as_str).any(|s| s.ends_with('|'))
@@ -156,7 +156,7 @@ fn near_degenerate_friction() {
         let problem = friction(matrix(&case["A"]), numbers(&case["f"]), numbers(&case["F"]))
             .with_gap(numbers(&case["gap"]))
             .unwrap();
-        // An r of every size changes nothing; one beyond the range that serves is refused.
+        // An r of any size changes nothing; one beyond the admissible range is refused.
         let problem = match problem.clone().with_r(case["r"].as_f64().unwrap()) {
             Ok(problem) => problem,
             Err(ContactError::Augmentation { .. }) => problem,
@@ -234,7 +234,7 @@ fn solutions_that_are_close_are_two() {
     );
 }
 
-/// Two nodes of their own, three solutions each, however small the load of one is.
+/// Two decoupled nodes with three solutions each, however small the load of one is.
 #[test]
 fn small_loads_count_like_large_ones() {
     for k in [0, 20, 24, 30, 34, 45, 300] {
@@ -281,7 +281,7 @@ fn all_forms_of_a_body_agree() {
     }
 }
 
-/// Two contact forces that act on the same displacement cannot be told apart: refused.
+/// Two contact forces on the same displacement cannot be distinguished: refused.
 #[test]
 fn dependent_contacts_are_refused() {
     let double = Matrix::from_rows(&[[1.0, 0.0], [1.0, 0.0]]).unwrap();
@@ -296,7 +296,7 @@ fn dependent_contacts_are_refused() {
     assert!(problem.unwrap_err().to_string().contains("multipliers"));
 }
 
-/// z ≥ 0 ⟂ −z₁ + z₂ + q …: a ray of solutions, and none a hair beside it.
+/// z ≥ 0 ⟂ −z₁ + z₂ + q …: a ray of solutions, and none for the neighbouring floating-point number.
 #[test]
 fn rays_are_found_and_lost_by_one_bit() {
     let lcp = |q: f64| {
@@ -348,7 +348,7 @@ fn limits_leave_lists_undecided() {
         (Completeness::Complete, 1)
     );
     assert_eq!(whole.solutions[0].selections.len(), 64);
-    // With as many nodes as the other search took.
+    // With as many nodes as the other search needed.
     let options = EnumerationOptions::default().with_max_nodes(whole.nodes);
     let set = all_solutions(&map, 0.0, &options).unwrap();
     assert!(
@@ -359,7 +359,7 @@ fn limits_leave_lists_undecided() {
     assert!(set.completeness.has_gaps() && set.index_sum.is_none());
 }
 
-/// A P matrix with the solution inside of the box. Found by random tests: the point given was 0.
+/// A P matrix with the solution inside the box. Found by random tests: 0 is no solution.
 #[test]
 fn a_solution_inside_of_the_box() {
     let matrix = Matrix::from_rows(&[
@@ -432,10 +432,11 @@ fn a_solution_inside_of_the_box() {
     }
 }
 
-/// Selections of 1 + z₂ = z₁ = 1 + t with what a third and a fourth component say of t: three segments and rays, one after the other, in
-/// different selections; other selections hold points of them alone, and add nothing. The end at t = 0 is a solution of a regular one.
+/// Selections of 1 + z₂ = z₁ = 1 + t with the restrictions of t by a third and a fourth component: three segments and rays, one after the
+/// other, in different selections; other selections contain single points of them, and add nothing. The end at t = 0 is a solution of a
+/// regular selection.
 #[test]
-fn points_of_a_continuum_are_no_solutions_of_their_own() {
+fn points_of_a_continuum_are_not_listed_separately() {
     let matrix = Matrix::from_rows(&[
         [1.0, -1.0, 0.0, 0.0],
         [-1.0, 1.0, 0.0, 0.0],
@@ -459,7 +460,7 @@ fn points_of_a_continuum_are_no_solutions_of_their_own() {
     assert_eq!(ends, rays);
 }
 
-/// w₁ = w₂ = z₃, w₃ = z₃ − z₁ − z₂: where z₃ = 0 two unknowns are free, but their signs leave nothing but 0.
+/// w₁ = w₂ = z₃, w₃ = z₃ − z₁ − z₂: where z₃ = 0 two unknowns are free, but their signs admit only 0.
 #[test]
 fn signs_may_leave_one_point_of_a_plane() {
     let matrix = Matrix::from_rows(&[[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [-1.0, -1.0, 1.0]]);
@@ -473,7 +474,7 @@ fn signs_may_leave_one_point_of_a_plane() {
     assert_eq!(set.solutions[0].x, [0.0; 3]);
 }
 
-/// The second node has no friction and no tangential load: it is open under the least tension, whatever the first one carries.
+/// The second node has no friction and no tangential load: it opens under the least tension, whatever the force at the first one.
 #[test]
 fn the_least_tension_opens_a_node_without_friction() {
     for k in [20, 40, 52, 53, 60, 300] {
@@ -525,16 +526,16 @@ fn stated_bounds_hold() {
     }
 }
 
-/// (2 − ε) z₁ + 2 z₂ = 1 = 2 z₁ + (2 − δ) z₂ at z₁ = δ/(2 ε + 2 δ − ε δ), z₂ = ε/(2 ε + 2 δ − ε δ), in any units: what the condition number takes
-/// from a solution of rounded numbers, exact arithmetic gives back.
+/// (2 − ε) z₁ + 2 z₂ = 1 = 2 z₁ + (2 − δ) z₂ at z₁ = δ/(2 ε + 2 δ − ε δ), z₂ = ε/(2 ε + 2 δ − ε δ), in any units: the digits that a
+/// floating-point solution loses to the condition number are restored by exact arithmetic.
 #[test]
 fn points_of_ill_conditioned_selections_are_exact() {
     for (first, second) in [(1e-6, 3e-6), (9.2e-10, 5.3e-10), (1e-13, 7e-14)] {
         for [row, column] in [[1.0, 1.0], [4096.0, 1e-20], [1e10, 1e3]] {
             let diagonal = [2.0 - first, 2.0 - second];
-            // No rounding here.
+            // These differences are exact.
             let [e, d] = diagonal.map(|v| 2.0 - v);
-            // Powers of ten are as exact as their products where only ratios to one another count.
+            // Powers of ten are as exact as their products where only ratios matter.
             let unit = |v: f64| v * row * column;
             let two = unit(2.0);
             let m = [[two - unit(e), two], [two, two - unit(d)]];

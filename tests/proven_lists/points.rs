@@ -1,4 +1,4 @@
-//! What lists say of each solution: its margin, and of continua their ends.
+//! The data of each listed solution: its margin, and the ends of continua.
 
 use semismooth::complementarity::Lcp;
 use semismooth::piecewise::PiecewiseSmooth;
@@ -6,7 +6,7 @@ use semismooth::sparse::Matrix;
 
 use super::list;
 
-/// z₁ = 1/k and ±(k z₁ − 1) + z₂ = 0 with z₂ = 0: degenerate, although k times the number next to 1/k is not 1.
+/// z₁ = 1/k and ±(k z₁ − 1) + z₂ = 0 with z₂ = 0: degenerate, although k times the rounded 1/k is not 1.
 #[test]
 fn degenerate_solutions_have_no_margin() {
     for k in [49.0, 98.0, 103.0, 107.0, 161.0] {
@@ -29,9 +29,9 @@ fn degenerate_solutions_have_no_margin() {
     }
 }
 
-/// ½ − z in [0, 1] has the solutions 0, ½ and 1; beside an unknown that nothing determines each is a line.
+/// ½ − z in [0, 1] has the solutions 0, ½ and 1; beside an undetermined unknown each is a line.
 #[test]
-fn lines_without_ends_are_told_apart() {
+fn lines_without_ends_are_distinguished() {
     let m = Matrix::from_rows(&[[-1.0, 0.0], [0.0, 0.0]]).unwrap();
     let infinite = f64::INFINITY;
     let lcp = Lcp::boxed(m, vec![0.5, 0.0], vec![0.0, -infinite], vec![1.0, infinite]).unwrap();
@@ -47,8 +47,8 @@ fn lines_without_ends_are_told_apart() {
     assert_eq!(found.index_sum, None);
 }
 
-/// [[a, b], [b, a]] with b > a > 0 has three solutions; the list tells of each how far its nearest kink is, proven by floating-point numbers
-/// or, next to singular, in exact arithmetic.
+/// [[a, b], [b, a]] with b > a > 0 has three solutions; the list states for each the distance to its nearest kink, proven in floating-point
+/// or, close to singular, in exact arithmetic.
 #[test]
 fn margins_are_distances_to_the_nearest_kink() {
     for gap in [1.0, 1e-3, 1e-9, 4.0 * f64::EPSILON] {
@@ -73,8 +73,8 @@ fn margins_are_distances_to_the_nearest_kink() {
     }
 }
 
-/// z₁ = 1/3 and z₂ = b − z₁, where b is 2⁻ᵏ above the number next to 1/3: all digits but the last few of z₂ cancel, and are those of the
-/// exact difference all the same.
+/// z₁ = 1/3 and z₂ = b − z₁, where b is 2⁻ᵏ above the rounded 1/3: all but the last few digits of z₂ cancel, and yet z₂ has the digits of
+/// the exact difference.
 #[test]
 fn small_components_have_digits_of_their_own() {
     let third: f64 = 1.0 / 3.0;
@@ -83,7 +83,7 @@ fn small_components_have_digits_of_their_own() {
         let m = Matrix::from_rows(&[[3.0, 0.0], [1.0, 1.0]]).unwrap();
         let found = list(Lcp::new(m, vec![-1.0, -b]).unwrap().mcp(), 0.0);
         assert!(found.completeness.is_complete());
-        // 1/3 is 2⁻⁵⁴/3 above the number next to it.
+        // 1/3 is 2⁻⁵⁴/3 above the nearest floating-point number.
         let exact = f64::powi(2.0, -k) - f64::powi(2.0, -54) / 3.0;
         let [solution] = found.solutions.as_slice() else {
             panic!("{found:?}");

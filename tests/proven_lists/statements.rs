@@ -1,4 +1,4 @@
-//! What maps state of their pieces, and what is left where that does not fit.
+//! What maps state about their pieces, and what remains proven where a statement does not fit.
 
 use semismooth::enumeration::{Completeness, Doubt};
 use semismooth::piecewise::{
@@ -9,7 +9,7 @@ use semismooth::sparse::Matrix;
 use super::maps::two_pieces;
 use super::{cut_short, list};
 
-/// 3 · 0.1 x − 0.3 where x ≤ 1, x − 1 where x ≥ 1: with 3 · 0.1 not rounded the pieces miss each other by 2.8e-17 at x = 1.
+/// 3 · 0.1 x − 0.3 where x ≤ 1, x − 1 where x ≥ 1: with 3 · 0.1 not rounded the pieces differ by 2.8e-17 at x = 1.
 struct Torn {
     shift: f64,
 }
@@ -75,10 +75,10 @@ fn pieces_that_disagree_leave_points_near_their_facet_undecided() {
     );
 }
 
-/// |x_k| = 1 for k = 1, …, n, nothing said of bounds: all is searched in exact arithmetic.
+/// |x_k| = 1 for k = 1, …, n, without stated bounds: the whole search is in exact arithmetic.
 struct Signs {
     n: usize,
-    /// What is done to the statement.
+    /// The alteration of the statement.
     alter: fn(&mut ExactConditions),
 }
 
@@ -134,7 +134,7 @@ impl ExactPieces for Signs {
     }
 }
 
-/// Where the search in exact arithmetic has to stop, nothing is claimed either, whichever look at the clock it is that finds time over.
+/// Where the search in exact arithmetic has to stop, nothing is claimed, at whichever check of the clock time runs out.
 #[test]
 fn an_exact_search_that_stops_proves_nothing() {
     let map = signs(6);
@@ -164,7 +164,7 @@ fn an_exact_search_that_stops_proves_nothing() {
     assert!(undecided > 20, "{undecided}");
 }
 
-/// Conditions with numbers of what the map does not have are none: the list is that of a map that states nothing.
+/// Conditions with indices or sizes that do not fit the map are ignored: the list is that of a map that states nothing.
 #[test]
 fn statements_that_do_not_fit_prove_nothing() {
     let alterations: [fn(&mut ExactConditions); 14] = [

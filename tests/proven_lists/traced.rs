@@ -6,7 +6,7 @@ use semismooth::interface::{InterfaceProblem, LoadPath};
 use semismooth::piecewise::{Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Selections, Traced};
 use semismooth::sparse::Matrix;
 
-/// A net of kinks that depend on one another, with coefficients in eighths, thirds among them.
+/// A network of kinks that depend on one another, with coefficients in eighths, some in thirds.
 #[derive(Debug, Clone)]
 struct Net(Vec<i32>);
 
@@ -38,7 +38,7 @@ impl NonsmoothFunction for Net {
     }
 }
 
-/// All solutions by Cramer's rule for every selection: points with the signs of their determinants. `None` where something is close.
+/// All solutions by Cramer's rule for every selection: points with the signs of their determinants. `None` where a decision is close.
 fn by_selections(map: &Traced<Net>) -> Option<Vec<([f64; 2], i8)>> {
     let mut found = Vec::new();
     for selection in Selections::all(map) {
@@ -55,7 +55,8 @@ fn by_selections(map: &Traced<Net>) -> Option<Vec<([f64; 2], i8)>> {
             (g(0, 1) * r[1] - g(1, 1) * r[0]) / det,
             (g(1, 0) * r[0] - g(0, 0) * r[1]) / det,
         ];
-        // The tests of this selection: those of kinks within kinks depend on the pieces chosen there, which are the natural ones inside.
+        // The test functions of this selection: those of nested kinks depend on the selected pieces, which agree with the natural ones
+        // inside the cell.
         let mut theta = [0.0; 5];
         map.test_functions(&x, &mut theta);
         if theta.iter().any(|t| t.abs() < 1e-6) {
@@ -102,7 +103,7 @@ proptest! {
     }
 }
 
-/// |x|/3 + max(x, y)/−7 = α and y = x/5: what is divided is not rounded.
+/// |x|/3 + max(x, y)/−7 = α and y = x/5: quotients are not rounded.
 struct Quotients;
 
 impl NonsmoothFunction for Quotients {
@@ -140,7 +141,7 @@ fn quotients_are_exact() {
             );
         }
     }
-    // At the apex one selection in two of the four holds nothing else.
+    // The apex is the only point of the line in two of the four selections.
     let apex = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
     assert_eq!(
         (apex.completeness, apex.solutions.len()),
@@ -166,7 +167,7 @@ fn quotients_are_exact() {
     assert!(arms.arms.iter().all(|a| a.tangent.len() == 3 && a.rate() > 0.0));
 }
 
-/// Formulas of one variable and α of which the crate cannot state coefficients, but one.
+/// Formulas of one variable and α; the crate can state the coefficients of `Affine`, and those of `Slope` at each α.
 #[derive(Clone, Copy)]
 enum Formula {
     Affine,
@@ -226,7 +227,7 @@ fn only_affine_formulas_state_coefficients() {
         (Completeness::Complete, 1)
     );
     assert!((set.solutions[0].x[0] - 0.4).abs() < 1e-15 && set.solutions[0].x[1] == 0.5);
-    // α is rounded where x = 1 / (2 + α) is asked for at the kink: no arms are claimed.
+    // At the kink, x = 1 / (2 + α), the parameter α is rounded: no arms are claimed.
     let arms = all_arms(
         &Traced::new(Formula::Slope),
         &[0.4, 0.5],
@@ -383,7 +384,7 @@ fn laws_written_as_formulas_are_proven_in_both_forms() {
     assert_eq!((arms.completeness, arms.arms.len()), (Completeness::Complete, 2));
 }
 
-/// switch(x, x + jump, −x) + x/2 = load: the absolute value where nothing jumps.
+/// switch(x, x + jump, −x) + x/2 = load: the absolute value if there is no jump.
 #[derive(Clone)]
 struct Switched {
     jump: f64,
@@ -413,7 +414,7 @@ fn switched_formulas_are_proven_where_their_pieces_agree() {
     assert_eq!(points, [2.0, -6.0]);
     assert_eq!(absolute.index_sum, Some(0));
     assert!(absolute.completeness.is_complete());
-    // A solution of one piece alone lies on the facet.
+    // A solution of a single piece lies on the facet.
     let jumping = list(1.0, 0.0).completeness;
     assert!(
         matches!(

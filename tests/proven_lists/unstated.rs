@@ -1,4 +1,4 @@
-//! Maps that do not state their coefficients: what their lists say is by tolerance, and what is doubtful in them is told.
+//! Maps that do not state their coefficients: their lists hold within tolerances, and doubts are reported.
 
 use semismooth::enumeration::{
     Completeness, Doubt, EnumerationError, EnumerationOptions, all_arms, all_solutions,
@@ -77,8 +77,8 @@ fn doubtful(completeness: &Completeness) -> u64 {
     }
 }
 
-/// Three masses on two springs that nothing holds, their stiffness matrix told with 13 decimals: the rank is that of a free body, though
-/// the determinant is not zero.
+/// Three masses on two springs without support, the stiffness matrix given with 13 decimals: the rank is that of a free body, although the
+/// determinant is not zero.
 #[test]
 fn a_free_body_has_a_line_of_solutions() {
     let told = |v: f64| (v * 1e13).round() * 1e-13;
@@ -96,10 +96,10 @@ fn a_free_body_has_a_line_of_solutions() {
     assert_eq!((set.continua[0].dimension, set.index_sum), (1, None));
 }
 
-/// Sites whose pieces all rows of a map share, not as a sum over sites, and too many for their combinations to be searched with pruning.
+/// Sites whose pieces enter all rows of a map, not as a sum over sites, and too many for their combinations to be searched with pruning.
 const MANY: usize = 10;
 
-/// x_k = `at` ≥ 0 for k > 0, of which row 0 sees multiples that depend on the pieces of two sites and sum up to `seen`.
+/// x_k = `at` ≥ 0 for k > 0; row 0 contains multiples of them that depend on the pieces of two sites and sum up to `seen`.
 fn others(p: &[usize], at: f64) -> (Vec<Vec<f64>>, f64) {
     let mut all: Vec<Vec<f64>> = (0..MANY)
         .map(|k| (0..=MANY).map(|j| f64::from(j == k)).collect())
@@ -109,7 +109,7 @@ fn others(p: &[usize], at: f64) -> (Vec<Vec<f64>>, f64) {
     (all, 0.125 * at * (MANY as f64 - 1.0))
 }
 
-/// max(y, 0) + d has no zero for d > 0. What is one within the tolerance alone is listed as doubtful.
+/// max(y, 0) + d has no zero for d > 0. A zero within the tolerance only is listed as doubtful.
 #[test]
 fn a_solution_by_tolerance_alone_is_a_doubt() {
     let options = EnumerationOptions::default().with_tolerance(1e-6);
@@ -137,7 +137,8 @@ fn a_solution_by_tolerance_alone_is_a_doubt() {
     );
 }
 
-/// The end of a ray of solutions is not isolated: it has no index, though the selections that give it alone agree in their signs.
+/// The end of a ray of solutions is not isolated: it has no index, although the determinants of the selections that give it alone agree in
+/// sign.
 #[test]
 fn the_end_of_a_ray_has_no_index() {
     // 3/2 or 1/2 y₁ = 0 and max(y₂, 0) = 0.
@@ -160,8 +161,8 @@ fn the_end_of_a_ray_has_no_index() {
     assert_eq!(list(&kink, 0.0).solutions[0].index, Some(1));
 }
 
-/// One solution on a kink, to the rounding of unknowns of any size, beside an unknown that is 0: both selections give it, and its index is
-/// that of their determinants.
+/// One solution on a kink, up to rounding of unknowns of any size, beside an unknown that is 0: both selections give it, and its index
+/// follows from their determinants.
 #[test]
 fn a_solution_on_a_kink_is_one_in_any_units() {
     for unit in [1e-9, 1.0, 1e5, 1e10] {
@@ -193,7 +194,7 @@ fn a_solution_on_a_kink_is_one_in_any_units() {
     }
 }
 
-/// On a kink at one site and well inside of a piece at the other, where the other piece's solution is not in its cell.
+/// On a kink at one site and well inside a piece at the other, whose other piece has a solution outside its cell.
 #[test]
 fn what_other_pieces_would_give_elsewhere_is_no_doubt() {
     let map = rows(2, 2, |p| {
@@ -211,14 +212,15 @@ fn what_other_pieces_would_give_elsewhere_is_no_doubt() {
     assert_eq!(set.solutions[0].x[1], 1.0);
 }
 
-/// Masses in a row on springs that soften by a third of their stiffness beyond an extension of 1 either way, each in the rows of both its ends.
+/// Masses in a row on springs that soften by a third of their stiffness beyond an extension of 1 in either direction, each spring in the
+/// rows of both its ends.
 struct Springs(usize);
 
 impl Springs {
     fn stiffness(&self, spring: usize, piece: usize) -> f64 {
         [1.0, 2.0 / 3.0, 2.0 / 3.0][piece] * (1.0 + spring as f64 / 7.0)
     }
-    /// Its force without an extension.
+    /// The force without extension.
     fn offset(&self, spring: usize, piece: usize) -> f64 {
         [0.0, 1.0, -1.0][piece] * (self.stiffness(spring, 0) - self.stiffness(spring, piece))
     }
@@ -277,7 +279,7 @@ impl PiecewiseSmooth for Springs {
     }
 }
 
-/// 3²⁰ selections, of which the search tries few: what a spring adds to both rows is one unknown.
+/// 3²⁰ selections, of which the search tries few: the contribution of a spring to both rows is one unknown.
 #[test]
 fn springs_between_two_masses_are_one_unknown() {
     let map = Springs(20);
@@ -302,7 +304,7 @@ fn springs_between_two_masses_are_one_unknown() {
     assert!(set.nodes < 10_000, "{}", set.nodes);
 }
 
-/// |y_k| = 1 for nine y_k has 512 solutions, whose search, when it takes long, looks at many sites at once: no more nodes than are allowed.
+/// |y_k| = 1 for nine y_k has 512 solutions; a long search, which examines many sites at once, must not exceed its limit on nodes.
 #[test]
 fn long_searches_keep_to_their_nodes() {
     const N: usize = 9;
@@ -400,7 +402,7 @@ fn lists_are_those_of_their_parameter() {
     );
 }
 
-/// |y₁| = 1 beside an unknown that nothing determines: two lines without ends, told apart without coefficients, too.
+/// |y₁| = 1 beside an undetermined unknown: two lines without ends, distinguished without coefficients, too.
 #[test]
 fn two_lines_without_ends() {
     let map = MinMap::new(2, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
@@ -417,7 +419,7 @@ fn two_lines_without_ends() {
     );
 }
 
-/// Each x_i is 0 or about 1. Whichever look at the clock finds time over, what is told is a part of what is told without a limit.
+/// Each x_i is 0 or about 1. At whichever check of the clock time runs out, the list is a part of the one without a limit.
 #[test]
 fn lists_that_are_cut_short_are_parts_of_the_whole() {
     let map = MinMap::new(5, |x: &[f64], a: &mut [f64], b: &mut [f64]| {

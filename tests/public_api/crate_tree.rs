@@ -1,4 +1,4 @@
-//! The modules of a crate with their items, and what a name in one of them stands for.
+//! The modules of a crate with their items, and what a name in one of them refers to.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -167,7 +167,7 @@ impl Crate {
         expand(rules.mac.tokens.clone(), call.tokens.clone()).unwrap_or_else(|e| panic!("{name}!: {e}"))
     }
 
-    /// What `name` stands for in a module: an item or a module (as a definition in its parent).
+    /// What `name` refers to in a module: an item or a module (as a definition in its parent).
     pub(crate) fn lookup(&self, module: &[String], name: &str, depth: usize) -> Option<Definition> {
         let here = self.modules.get(module)?;
         let definition = || Definition {
@@ -190,7 +190,7 @@ impl Crate {
             .find_map(|path| self.resolve(module, &path, depth + 1))
     }
 
-    /// What a path written in a module stands for; `None` if it leads out of the crate.
+    /// What a path written in a module refers to; `None` if it leads out of the crate.
     pub(crate) fn resolve(&self, module: &[String], path: &[String], depth: usize) -> Option<Definition> {
         let mut at = module.to_vec();
         let mut rest = path;

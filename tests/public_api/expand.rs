@@ -26,7 +26,7 @@ enum Pattern {
     },
 }
 
-/// What the macro with the given rules (the body of its `macro_rules`) makes of `input`.
+/// The expansion of the macro with the given rules (the body of its `macro_rules`) on `input`.
 pub(crate) fn expand(rules: TokenStream, input: TokenStream) -> syn::Result<TokenStream> {
     let mut rules = rules.into_iter();
     let (Some(TokenTree::Group(matcher)), _, _, Some(TokenTree::Group(body))) =

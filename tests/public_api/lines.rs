@@ -1,4 +1,4 @@
-//! One line a public item.
+//! One line per public item.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -29,7 +29,7 @@ pub(crate) fn all(krate: &Crate) -> BTreeSet<String> {
 struct Walk<'c> {
     krate: &'c Crate,
     lines: BTreeSet<String>,
-    /// Where each definition can be had.
+    /// The public paths of each definition.
     reached: BTreeMap<Definition, Vec<Reached>>,
     seen: BTreeSet<(ModulePath, Vec<String>)>,
 }

@@ -1,4 +1,4 @@
-//! The public interface is what `tests/data/public_api.txt` says: one line a public item, found by reading `src` from `lib.rs` on
+//! The public interface is what `tests/data/public_api.txt` lists: one line per public item, found by reading `src` from `lib.rs` on
 //! (modules, re-exports, macros that write items; all features). A change shows as a difference of that file:
 //!
 //!     UPDATE_PUBLIC_API=1 cargo test --test public_api
@@ -38,7 +38,7 @@ fn public_api_is_the_one_on_file() {
     );
 }
 
-/// Options can be written as one chain: each field of each `…Options` has its builder, each of them a check of ranges.
+/// Options can be written as one chain: each field of each `…Options` has a builder, and each `…Options` a check of its ranges.
 #[test]
 fn every_option_has_a_builder() {
     let filed = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(LIST)).unwrap();
@@ -47,13 +47,13 @@ fn every_option_has_a_builder() {
         .filter_map(|line| line.split_once(": "))
         .map(|(name, _)| name)
         .collect();
-    // Two fields with one builder.
+    // Two fields share one builder.
     let together = [
         "newton::NewtonOptions.absolute_tolerance",
         "newton::NewtonOptions.relative_tolerance",
     ];
     assert!(names.contains("newton::NewtonOptions::with_tolerances"));
-    // Nothing to be wrong but what depends on the problem.
+    // Its only conditions depend on the problem.
     let unchecked = ["complementarity::pivoting::LemkeOptions"];
     let mut missing = Vec::new();
     for (options, field) in names.iter().filter_map(|name| name.split_once('.')) {
@@ -72,7 +72,7 @@ fn every_option_has_a_builder() {
     assert!(missing.is_empty(), "{missing:#?}");
 }
 
-/// The walk sees what it must: each way in which an item becomes public, and none of the private ones.
+/// The walk finds each way in which an item becomes public, and no private item.
 #[test]
 fn the_list_follows_modules_uses_and_macros() {
     let source = r#"

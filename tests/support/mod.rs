@@ -8,7 +8,7 @@ pub(crate) fn dense(n: usize, rng: &mut Random) -> Matrix {
     Matrix::from_values(Pattern::full(n, n), rng.vector(n * n, 1.0)).unwrap()
 }
 
-/// A random sparse matrix with a dominant or a merely full diagonal.
+/// A random sparse matrix with a dominant or merely a full diagonal.
 pub(crate) fn sparse(n: usize, per_column: usize, diagonal: f64, rng: &mut Random) -> Matrix {
     let mut triplets: Vec<_> = (0..n).map(|j| (j, j, diagonal + rng.symmetric())).collect();
     for j in 0..n {

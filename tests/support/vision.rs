@@ -1,7 +1,7 @@
-//! Colours as readers see them, those too who lack one kind of cone.
+//! Colours as readers see them, including those who lack one kind of cone.
 
-/// What becomes of linear sRGB for a reader with all cones, and for those without the cones for red and for green (G. M. Machado, M. M.
-/// Oliveira, L. A. F. Fernandes, IEEE Trans. Vis. Comput. Graph. 15 (2009), severity 1).
+/// Linear sRGB as seen by a reader with all cones, and by those without the cones for red and for green (G. M. Machado, M. M. Oliveira, L.
+/// A. F. Fernandes, IEEE Trans. Vis. Comput. Graph. 15 (2009), severity 1).
 const VISIONS: [[[f64; 3]; 3]; 3] = [
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
     [
@@ -45,7 +45,7 @@ fn seen(colour: [u8; 3], vision: &[[f64; 3]; 3]) -> [f64; 3] {
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// The distance of two colours in CIELAB for the reader to whom they are nearest.
+/// The distance of two colours in CIELAB, for the reader for whom it is smallest.
 pub(crate) fn distance(a: [u8; 3], b: [u8; 3]) -> f64 {
     let distances = VISIONS.iter().map(|vision| {
         let (a, b) = (seen(a, vision), seen(b, vision));

@@ -199,7 +199,7 @@ pub(super) fn measures(t: &mut Table) {
         "100000 x 100000",
         || check_multipliers(&large),
     );
-    // A displacement that all nodes share makes the Gram matrix full, and tells nothing of their independence.
+    // A displacement in all traces makes the Gram matrix full, which says nothing about their linear independence.
     let shared: Vec<_> = (0..30_000)
         .flat_map(|i| [(i, i, 1.0), (i, 30_000, 1.0)])
         .collect();

@@ -104,7 +104,7 @@ pub(super) fn delassus(t: &mut Table) {
             DelassusSolver::new(o().with_max_time(Some(time))).solve(&problem())
         });
     }
-    // An answer in bounded time; one that claims to be solved has a residual to show.
+    // The solver ends in bounded time; if it reports a solution, the residual is small.
     let zero = rows(&[&[0.0, 0.0], &[0.0, 0.0]]);
     let singular = rows(&[&[1.0, 1.0], &[1.0, 1.0]]);
     for (input, m) in [("zero", zero), ("singular", singular), ("definite", stiffness())] {

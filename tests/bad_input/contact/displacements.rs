@@ -22,7 +22,7 @@ fn problem(options: ReducedOptions) -> Result<ReducedContact<PlanarCoulomb>, Con
     ReducedContact::new(body(), law(0.3), options)
 }
 
-/// A system whose matrix is the identity, and whether another process, of which nothing else is seen, has found an error.
+/// A system with the identity as its matrix; the flag says whether another process, otherwise invisible, has found an error.
 struct Unit(usize, bool);
 
 impl ReducedSystem for Unit {
@@ -240,7 +240,7 @@ fn problems(t: &mut Table) {
         let law = PlanarCoulomb::new(FrictionCoefficient::nodal(vec![0.3; 3]).unwrap());
         ReducedContact::new(body(), law, o())
     });
-    // A body of one node floats along whatever its matrix is zero for.
+    // A body of one node floats in each direction in which its matrix vanishes.
     for (a, named) in [
         ([1.0, -1.0, 1.0], "translation along y"),
         ([-1.0, 0.0, 1.0], "positive definite"),

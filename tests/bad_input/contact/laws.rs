@@ -8,7 +8,7 @@ use semismooth::sparse::Matrix;
 use super::{body, condensed};
 use crate::table::{BAD, Table};
 
-/// A planar law of one smooth piece λ = 0 that says to have so many of each.
+/// A planar law with the one smooth piece λ = 0 that claims these numbers of pieces, test functions and history variables.
 #[derive(Clone, Copy)]
 struct Counted {
     pieces: usize,

@@ -245,7 +245,7 @@ pub(super) fn planar_problems(t: &mut Table) {
         t.refuses("contact::read_folder", "no folder", "no/such/folder", || {
             semismooth::contact::read_folder(missing)
         });
-        // 16 GB of friction coefficients, for a trace that does not fit the body.
+        // 16 GB of friction coefficients, for a trace of the wrong size.
         let folder = std::env::temp_dir().join(format!("semismooth-rows-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let head = "%%MatrixMarket matrix coordinate real general\n";

@@ -11,7 +11,7 @@ pub struct Body {
     pub traces: Vec<Matrix>,
     pub gap: Vec<f64>,
     pub load: Vec<f64>,
-    /// A length that slips are of the order of.
+    /// The order of magnitude of slips.
     pub length: f64,
 }
 
@@ -94,7 +94,7 @@ impl Body {
     }
 }
 
-/// A coefficient of friction up to `largest`: constant, weakening or hardening over slips that compare with `length` or are much shorter.
+/// A coefficient of friction up to `largest`: constant, weakening or hardening over slips comparable with `length` or much shorter.
 pub fn curve(rng: &mut Random, length: f64, largest: f64) -> FrictionCurve {
     let first = rng.between(0.05, largest);
     let l = length * 10f64.powf(rng.between(-2.0, 0.5));
