@@ -44,7 +44,7 @@ pub enum CliError {
         /// Why not.
         source: io::Error,
     },
-    /// A file that is no .nl file.
+    /// A file that is not a valid .nl file.
     #[error("{path}: {source}")]
     Nl {
         /// The file.
@@ -52,7 +52,7 @@ pub enum CliError {
         /// The first fault.
         source: NlError,
     },
-    /// A problem of another kind.
+    /// A problem that this program cannot solve.
     #[error("{path}: {source}")]
     Solve {
         /// The file.
@@ -65,7 +65,7 @@ pub enum CliError {
     Output(#[from] io::Error),
 }
 
-/// What the command line asks for.
+/// The parsed command line.
 #[derive(Debug, Default)]
 struct Request {
     stub: Option<PathBuf>,
@@ -88,7 +88,7 @@ impl Request {
                 Some("-=" | "-?" | "-h" | "--help") if flags => request.help = true,
                 Some("-AMPL") if flags => request.ampl = true,
                 Some("-s") if flags => request.write = true,
-                // Whether to echo options, which this program does not.
+                // AMPL's request to echo the options or not: this program never does.
                 Some("-e") if flags => {}
                 Some(flag) if flags && flag.starts_with('-') && request.stub.is_none() => {
                     return usage(format!("{flag} is not known"));
@@ -102,10 +102,10 @@ impl Request {
     }
 }
 
-/// Runs the program with its arguments, the name of the program not among them, and the options of the environment.
+/// Runs the program with its arguments (without the name of the program) and the options of the environment.
 ///
 /// # Errors
-/// What keeps it from a result. That no solution was found is no error: AMPL reads it from the .sol file.
+/// A [`CliError`] if there is no result. A solve without a solution is no error: AMPL reads its status from the .sol file.
 pub fn run(
     arguments: impl IntoIterator<Item = OsString>,
     environment: Option<&str>,
@@ -150,7 +150,7 @@ pub fn run(
     report(&options, &solution, out)
 }
 
-/// The files of a stub, which AMPL gives without extension and Pyomo with.
+/// The .nl and .sol files of a stub, which AMPL passes without extension and Pyomo with one.
 fn files(stub: &Path) -> (PathBuf, PathBuf) {
     let base = match stub.extension() {
         Some(extension) if extension == "nl" => stub.with_extension(""),

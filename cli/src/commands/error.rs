@@ -19,7 +19,7 @@ pub enum CommandError {
         /// Why not.
         source: io::Error,
     },
-    /// A run file that is no TOML, or has keys or values of other kinds; the message has the line.
+    /// A run file that is not TOML, has unknown keys, or values of the wrong type; the message has the line.
     #[error("{path}: {source}")]
     Toml {
         /// The file.
@@ -27,7 +27,7 @@ pub enum CommandError {
         /// What is wrong, and where.
         source: Box<toml::de::Error>,
     },
-    /// A value of a run file that does not serve.
+    /// An invalid value in a run file.
     #[error("{path}, line {line}, {key}: {source}")]
     Value {
         /// The file.
@@ -71,7 +71,7 @@ impl CommandError {
         }
     }
 
-    /// Whether the reader of the output has seen enough (`| head`), which is no failure.
+    /// Whether the reader of the output has closed the pipe (`| head`), which is no failure.
     #[must_use]
     pub fn is_closed_pipe(&self) -> bool {
         matches!(self, Self::Output(e) if e.kind() == io::ErrorKind::BrokenPipe)

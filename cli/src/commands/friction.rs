@@ -15,7 +15,7 @@ use super::progress::Progress;
 use super::run_file::{create, write_failed};
 use super::text::quoted;
 
-/// Residual at every contact up to which a problem is solved.
+/// Largest residual at a contact for which a problem counts as solved.
 const TOLERANCE: f64 = 1e-12;
 
 /// Frictional contact problems in Delassus form, u = M r + q, to 1e-12 at every contact
@@ -92,7 +92,7 @@ fn solve(
     progress: &Progress,
 ) -> Result<(DelassusProblem, Outcome), CommandError> {
     let failed = |e| CommandError::failed(file.display().to_string(), e);
-    // Its errors name the file.
+    // The error already names the file.
     let problem = read_delassus(file).map_err(|e| match e {
         DelassusError::File { what, .. } => CommandError::failed(file.display().to_string(), what),
         e => failed(e),
@@ -106,7 +106,7 @@ fn solve(
         })
         .map_err(failed)?;
     let seconds = begun.elapsed().as_secs_f64();
-    // By an evaluation of its own.
+    // Evaluated here, independently of the solver.
     let residual = problem.residual(&report.r).map_err(failed)?;
     let solved = residual <= TOLERANCE && report.is_solved();
     let status = match report.is_solved() {

@@ -1,4 +1,4 @@
-//! What a run is described by.
+//! The run file of a body in contact.
 
 use serde::Deserialize;
 use toml::Spanned;
@@ -115,7 +115,7 @@ pub(super) struct RunInput {
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Route {
-    /// By the size of the body.
+    /// Chosen by the size of the body.
     #[default]
     Auto,
     /// The contact forces, after one factorisation of the stiffness matrix.
