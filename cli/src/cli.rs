@@ -88,7 +88,7 @@ impl Request {
                 Some("-=" | "-?" | "-h" | "--help") if flags => request.help = true,
                 Some("-AMPL") if flags => request.ampl = true,
                 Some("-s") if flags => request.write = true,
-                // AMPL's request to echo the options or not: this program never does.
+                // Suppresses the echo of options, which this program never prints.
                 Some("-e") if flags => {}
                 Some(flag) if flags && flag.starts_with('-') && request.stub.is_none() => {
                     return usage(format!("{flag} is not known"));

@@ -92,7 +92,7 @@ fn solve(
     progress: &Progress,
 ) -> Result<(DelassusProblem, Outcome), CommandError> {
     let failed = |e| CommandError::failed(file.display().to_string(), e);
-    // The error already names the file.
+    // Errors of reading name the file themselves: only their text is kept.
     let problem = read_delassus(file).map_err(|e| match e {
         DelassusError::File { what, .. } => CommandError::failed(file.display().to_string(), what),
         e => failed(e),

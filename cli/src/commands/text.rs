@@ -20,7 +20,7 @@ pub(super) fn quoted(text: &str) -> String {
     }
 }
 
-/// A line, cut in the middle if it is too long; the files have all of it.
+/// `line` followed by `end`; `line` is cut if both do not fit (the files have all of it).
 pub(super) fn fitted(line: &str, end: &str) -> String {
     let room = WIDTH.saturating_sub(end.chars().count());
     if line.chars().count() <= room {

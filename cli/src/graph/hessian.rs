@@ -14,7 +14,7 @@ pub struct TooDense {
     pub limit: usize,
 }
 
-/// An edge between the node that holds it and one that is not above it.
+/// An edge between the node in whose list it is and a node with the same or a smaller number.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     other: NodeId,
@@ -22,7 +22,7 @@ struct Edge {
     next: u32,
 }
 
-/// Buffers of the sweep, kept from one to the next.
+/// Buffers of the sweep, reused by the next one.
 #[derive(Debug, Clone)]
 pub struct Hessian {
     adjoint: Vec<f64>,
@@ -31,9 +31,9 @@ pub struct Hessian {
     edges: Vec<Edge>,
     /// First edge that is free to be used again.
     free: u32,
-    /// Sum of the weights of the edges to each node, of the node at hand.
+    /// Sum of the weights of the edges from the current node to each node.
     sum: Vec<f64>,
-    /// Whether a node is among the neighbours; a sum may be zero between two edges.
+    /// Whether a node is among the neighbours; its sum does not tell, since it may cancel to zero meanwhile.
     known: Vec<bool>,
     neighbours: Vec<NodeId>,
 }
@@ -111,7 +111,7 @@ impl Hessian {
         }
     }
 
-    /// The sweep; `false` if `add` has stopped it. With `flat` weights only tell what is not zero.
+    /// The sweep; `false` if `add` has stopped it. With `flat`, weights only mark what may be nonzero.
     fn run(
         &mut self,
         graph: &Graph,

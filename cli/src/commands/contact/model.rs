@@ -290,7 +290,7 @@ impl RunFile {
         }
     }
 
-    /// The plan of the condensed form: a history, or a curve.
+    /// The plan in the run file, before a route is chosen.
     pub(super) fn plan(&self) -> Result<Plan, CommandError> {
         let place = &self.input.run;
         let RunInput { levels, follow, .. } = place.get_ref();
