@@ -126,8 +126,8 @@ impl<'w> Stiffness<'w> {
             near.matrix.mul(&x, &mut y)?;
             y.get(v)?;
         }
-        // Rows of contact nodes come from A itself; other rows lack only the columns of constrained components, which are added. To subtract
-        // the terms of the laws instead would lose digits.
+        // Rows of contact nodes come from A itself; other rows lack only the columns of constrained components, which are added. (To
+        // subtract the terms of the laws instead would lose digits.)
         for (k, at) in at.into_iter().enumerate() {
             match near.is_contact[k] {
                 true => out[at] = all[k],

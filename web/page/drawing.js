@@ -53,7 +53,7 @@ const ticks = ([lower, upper], wanted) => {
   return list;
 };
 
-// The range of some values with a margin.
+// The range of values, with a margin.
 const padded = (values) => {
   let [lower, upper] = [Math.min(...values), Math.max(...values)];
   if (!(upper > lower + 1e-9 * Math.max(1, Math.abs(lower)))) [lower, upper] = [lower - 1, upper + 1];
@@ -61,7 +61,7 @@ const padded = (values) => {
   return [lower - margin, upper + margin];
 };
 
-// Values that are met along enough of the horizontal axis, and those of events: curves that run off to infinity do not decide.
+// Values taken on a sufficient part of the horizontal axis, and those at events, so that curves that go to infinity do not set the range.
 const rangeOf = (curves, events) => {
   const weighted = [];
   for (const points of curves) {
@@ -82,7 +82,7 @@ const rangeOf = (curves, events) => {
   return padded(values.length ? values : [0]);
 };
 
-// What happens at a vertex, by its kind: the name of its mark.
+// The name of the mark of a vertex, by its kind.
 const events = {
   'pass-through': 'transition', fold: 'fold', 'smooth fold': 'smooth fold', 'vertical segment': 'vertical segment', branching: 'branching',
   'branch point': 'branching', end: 'end', isolated: 'isolated solution', undecided: 'undecided', start: 'start',
@@ -108,7 +108,7 @@ const mark = (kind, x, y, colours, r = 4.5) => {
   return `<g transform="translate(${x.toFixed(2)},${y.toFixed(2)})" fill="${fill}" stroke="${colours.ink}" stroke-width="1.5">${marks[kind](r)}</g>`;
 };
 
-// Axes of a picture: places, and the text of frame, ticks and labels.
+// Axes of a picture: the maps to positions, and the SVG of frame, ticks and labels.
 const axes = ({ width, height, x, y, xLabel, yLabel, title, legend, colours, name }) => {
   const size = 13;
   const rows = [];
@@ -159,7 +159,7 @@ const polyline = (points, X, Y) => points.map(([a, b], k) => `${k ? 'L' : 'M'}${
 const diagramPicture = ({ diagram, value, style, range, at, solutions, colours, ...picture }) => {
   const place = (x) => [x[x.length - 1], value(x)];
   const curves = diagram.edges.map((edge) => edge.points.map(place));
-  // Starts, which nobody asked for here, are not marked.
+  // Starts are not marked: the page chooses them, not the user.
   const marked = diagram.vertices.filter((v) => v.number || v.kind === 'isolated');
   const y = rangeOf(curves, [...marked.map((v) => value(v.x)), ...solutions.map(value)]);
 
@@ -195,7 +195,7 @@ const diagramPicture = ({ diagram, value, style, range, at, solutions, colours, 
   for (const v of marked) text += mark(events[v.kind], X(place(v.x)[0]), Y(place(v.x)[1]), colours);
   text += '</g>' + frame.frame;
 
-  // Labels where nothing was written before.
+  // Labels where they do not overlap earlier ones.
   const taken = [];
   for (const v of marked.filter((e) => e.number)) {
     const [px, py] = [X(place(v.x)[0]), Y(place(v.x)[1])];

@@ -12,7 +12,7 @@ use serde::Serialize;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// No question of this page.
+    /// Text that is not a question of this page.
     #[error("the question is not understood")]
     Question(#[source] serde_json::Error),
     /// A number out of its range.
@@ -59,7 +59,7 @@ pub enum Error {
 #[derive(Serialize)]
 pub(crate) struct Told {
     message: String,
-    /// Of a formula: which equation, and the characters from `from` to before `to`, counted as the browser counts them (UTF-16).
+    /// For formulas: the equation, and its characters from `from` to before `to`, in UTF-16 units as in the browser.
     #[serde(skip_serializing_if = "Option::is_none")]
     equation: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -24,16 +24,16 @@ pub struct FrictionArgs {
     /// JSON files with dimension, mu, q and M (compressed columns)
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// One JSON object a file, with r and u contact by contact (N, T1[, T2])
+    /// One JSON object per file, with r and u contact by contact (N, T1[, T2])
     #[arg(long)]
     json: bool,
     /// No table, no progress
     #[arg(long, short)]
     quiet: bool,
-    /// Folder for problems.csv, a line a file, and a table of contacts for each
+    /// Folder for problems.csv, one line per file, and a table of contacts for each
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Seconds after which a problem is given up
+    /// Time limit for each problem, in seconds
     #[arg(long, default_value_t = 300.0)]
     seconds: f64,
 }

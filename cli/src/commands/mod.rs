@@ -45,7 +45,7 @@ enum Command {
     Friction(FrictionArgs),
     Options(OptionsArgs),
     Init(InitArgs),
-    /// Prints what a shell completes on the command line
+    /// Prints a script of completions for a shell
     Completions {
         /// The shell
         shell: clap_complete::Shell,
@@ -54,13 +54,13 @@ enum Command {
     Man,
 }
 
-/// Writes a run file with comments, to begin with
+/// Writes a commented run file as a starting point
 #[derive(Debug, Args)]
 struct InitArgs {
-    /// What for
+    /// The command that reads the file
     #[arg(value_parser = TEMPLATES.map(|t| t.0))]
     kind: String,
-    /// The file, by default KIND.toml; it must not be there yet
+    /// The file, by default KIND.toml; it must not exist yet
     file: Option<PathBuf>,
 }
 

@@ -23,10 +23,10 @@ pub(super) struct RunArgs {
     /// No table, no progress
     #[arg(long, short)]
     pub(super) quiet: bool,
-    /// Folder for the results, in place of that of the run file
+    /// Folder for the results, instead of the one in the run file
     #[arg(long)]
     pub(super) out: Option<PathBuf>,
-    /// Pictures as PDF, too, beside SVG
+    /// Pictures as PDF in addition to SVG
     #[arg(long)]
     pub(super) pdf: bool,
 }
