@@ -209,7 +209,8 @@ fn transitions(problem: &Problem, complete: impl Fn(&mut Vec<f64>)) -> Result<Ve
     Ok(seeds)
 }
 
-/// Whether a line passes through a transition: the line has points on the columns, and its crossings with the rows are recorded.
+/// Whether a line passes through a transition. Lines have points exactly on the columns (their targets), and their crossings with the rows
+/// are monitored.
 fn passes(branch: &Branch, x: &[f64]) -> bool {
     let near = |point: &[f64]| {
         let far = point
