@@ -155,7 +155,7 @@ fn to_solution(c: &mut Criterion) {
         }
     }
     println!(
-        "\nmilliseconds to 1e-12, the least of three: how many methods arrive, the quickest, the usual one"
+        "\nmilliseconds to 1e-12, the least of three: how many methods converge, the fastest, the default"
     );
     table.iter().for_each(|line| println!("{line}"));
 }
@@ -361,7 +361,7 @@ fn iterations(c: &mut Criterion) {
         table.push((name, runs[solves / 2]));
     }
     println!(
-        "\nmicroseconds an iteration, its parts, and the iteration over their sum (of the solve with the median of it)"
+        "\nmicroseconds per iteration, its parts, and the iteration over their sum (of the solve with the median of it)"
     );
     for (name, [whole, a, b, c]) in table {
         let ratio = whole / (a + b + c);

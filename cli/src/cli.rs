@@ -78,7 +78,7 @@ struct Request {
 
 impl Request {
     fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, CliError> {
-        let usage = |what: String| Err(CliError::Usage(format!("{what}; --help tells what is")));
+        let usage = |what: String| Err(CliError::Usage(format!("{what}; see --help")));
         let mut request = Self::default();
         let mut flags = true;
         for argument in arguments {
@@ -118,7 +118,7 @@ pub fn run(
     };
     let Some(stub) = &request.stub else {
         return Err(CliError::Usage(
-            "which problem? semismooth FILE.nl; --help tells more".into(),
+            "which problem? semismooth FILE.nl; see --help".into(),
         ));
     };
     let mut options = Options::default();

@@ -8,7 +8,7 @@ use semismooth::sparse::{Matrix, Pattern, SparseError};
 use crate::graph::{Expression, Gradient, Hessian, TooDense};
 use crate::model::{Model, Objective, RowKind, linear_value};
 
-/// Largest number of entries of a Hessian: some gigabytes.
+/// Largest number of entries of a Hessian (some gigabytes).
 const MAX_HESSIAN: usize = 30_000_000;
 
 /// A constraint c(x) ≥ 0 or c(x) = 0: sign · (body − slack − right-hand side).

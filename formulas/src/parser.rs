@@ -198,7 +198,7 @@ impl Reader<'_> {
         found
     }
 
-    /// The text of what was read since a token.
+    /// The text read since a token.
     fn words(&self, since: usize) -> String {
         let mut words = String::new();
         for t in &self.tokens[since..self.next] {

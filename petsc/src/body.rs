@@ -80,7 +80,7 @@ pub struct DistributedBody<'w> {
     num_contacts: usize,
     num_displacements: usize,
     contacts: Vec<usize>,
-    /// Numbers of the nodes with equations that other processes own and this one has in its mesh.
+    /// Numbers of the nodes with equations in the mesh of this part that other processes own.
     others: Vec<Int>,
     /// First component and frame of each contact node, first those that this process owns.
     frames: Vec<(usize, Frame)>,

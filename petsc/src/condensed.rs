@@ -142,7 +142,7 @@ impl CondensedBody<'_, '_> {
             .collect())
     }
 
-    /// On process 0 the components of all contact nodes.
+    /// On process 0 the components of a vector at all contact nodes.
     fn at_contacts(&self, v: &[f64]) -> Result<Vec<f64>, PetscError> {
         let own = self
             .body

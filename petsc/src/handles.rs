@@ -41,7 +41,7 @@ impl<'w> Vector<'w> {
         let result = if length == 0 {
             work(&mut [])
         } else {
-            // SAFETY: PETSc lends the entries of this process until they are restored; the caller knows how many there are.
+            // SAFETY: the pointer to the entries of this process is valid until they are restored; the caller gives their number.
             work(unsafe { std::slice::from_raw_parts_mut(a, length) })
         };
         call!(VecRestoreArray(self.0, &mut a))?;
@@ -152,7 +152,7 @@ impl<'w> Matrix<'w> {
         let (mut n, mut c, mut v) = (0, null(), null());
         call!(MatGetRow(self.0, row, &mut n, &mut c, &mut v))?;
         if n > 0 {
-            // SAFETY: PETSc lends n columns and values until they are restored.
+            // SAFETY: the pointers to n columns and n values are valid until the row is restored.
             unsafe {
                 cols.extend_from_slice(std::slice::from_raw_parts(c, n as usize));
                 values.extend_from_slice(std::slice::from_raw_parts(v, n as usize));

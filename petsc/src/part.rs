@@ -345,7 +345,7 @@ mod tests {
         }
     }
 
-    /// The parts hold all cells at the nodes they own, and the facets of the sides among them.
+    /// The parts have all cells at their own nodes, and the facets of the sides among these cells.
     #[test]
     fn parts_have_the_cells_at_their_nodes() {
         let whole = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], [5, 4, 3]).unwrap();

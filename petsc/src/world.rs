@@ -72,7 +72,7 @@ pub(crate) fn check(call: &'static str, code: Code) -> Result<(), PetscError> {
         return Ok(());
     }
     let mut text = null();
-    // SAFETY: PETSc hands back a static text or null.
+    // SAFETY: PETSc returns a static string or null.
     let text = unsafe {
         ffi::PetscErrorMessage(code, &mut text, null_mut());
         if text.is_null() {

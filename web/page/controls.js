@@ -1,4 +1,4 @@
-// Sliders with a field for exact values beside them.
+// Sliders, each with a field for exact values.
 const element = (id) => document.getElementById(id);
 // The width available to a drawing. To query it between two changes forces a layout of the page, so it is cached until the size changes.
 const rooms = new Map();

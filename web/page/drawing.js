@@ -1,5 +1,5 @@
-// Pictures as SVG text: axes, curves, marks and legends. Colours and signs are those of the crate's pictures, which colour-blind readers can
-// tell apart, and others as far apart on dark paper (tests/pictures.rs). Pieces beyond `cycle` are grey, as grazing is.
+// Pictures as SVG text: axes, curves, marks and legends. Colours and marks are those of the crate's pictures, which colour-blind readers
+// can tell apart; a dark background has other colours, equally far apart (tests/pictures.rs). Pieces beyond `cycle` are grey, like grazing.
 const palettes = {
   light: {
     paper: '#ffffff', ink: '#1a1a1a', faint: '#5c6166', grid: '#e3e6ea', body: '#dfe6ee',
@@ -15,7 +15,7 @@ const palettes = {
 const font = 'DejaVu Sans, Segoe UI, Roboto, sans-serif';
 
 const escaped = (text) => String(text).replace(/[&<>"]/g, (c) => ({ '&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;' }[c]));
-// Rounding errors read as 0, minus signs as minus signs.
+// Rounding errors are shown as 0, hyphens as minus signs.
 const shown = (value, digits = 4) => {
   if (value === null || !Number.isFinite(value)) return '?';
   const size = Math.abs(value);
@@ -25,7 +25,7 @@ const shown = (value, digits = 4) => {
 };
 const short = (value) => String(Number(value.toPrecision(6))).replace('-', '−');
 
-// u_t1 with its index set lower: for HTML and for SVG.
+// u_t1 with its index as a subscript, for HTML and for SVG.
 const subscripts = (text, lower) => escaped(text).replace(/([A-Za-zλμθα⁰¹²³])_([A-Za-zν0-9,]+)/g, (_, a, b) => a + lower(b));
 const inHtml = (text) => subscripts(text, (b) => `<sub>${b}</sub>`);
 const inSvg = (text) => subscripts(text, (b) => `<tspan dy="4" font-size="80%">${b}</tspan><tspan dy="-4">\u200b</tspan>`);
@@ -87,7 +87,7 @@ const events = {
   'pass-through': 'transition', fold: 'fold', 'smooth fold': 'smooth fold', 'vertical segment': 'vertical segment', branching: 'branching',
   'branch point': 'branching', end: 'end', isolated: 'isolated solution', undecided: 'undecided', start: 'start',
 };
-// Marks as the crate draws them, in the order of legends; 'these data' is where the sliders are.
+// Marks as the crate draws them, in the order of legends; 'these data' marks the current values of the sliders.
 const marks = {
   transition: (r) => `<circle r="${r}"/>`,
   fold: (r) => `<path d="M0,${-1.25 * r}L${1.15 * r},${0.85 * r}H${-1.15 * r}Z"/>`,
@@ -154,8 +154,8 @@ const axes = ({ width, height, x, y, xLabel, yLabel, title, legend, colours, nam
 
 const polyline = (points, X, Y) => points.map(([a, b], k) => `${k ? 'L' : 'M'}${X(a).toFixed(2)},${Y(b).toFixed(2)}`).join('');
 
-// A diagram over its parameter. `value` is what is drawn of a point, `style` the class {label, colour} of an edge. `at` is the value of
-// the parameter that is marked, with the solutions there.
+// A diagram over its parameter. `value` gives the drawn quantity of a point, `style` the class {label, colour} of an edge. `at` is the
+// value of the parameter that is marked, with the solutions there.
 const diagramPicture = ({ diagram, value, style, range, at, solutions, colours, ...picture }) => {
   const place = (x) => [x[x.length - 1], value(x)];
   const curves = diagram.edges.map((edge) => edge.points.map(place));

@@ -162,7 +162,7 @@ const frictionTab = (() => {
   };
   const explore = explorer(element('branches'), (k) => `Branches of solutions${nodes(state[state.tab]) === 1 ? '' : `, node ${k + 1}`}: arrow keys move along them`, look);
 
-  // The plane of a load and friction. What is drawn does not depend on where the current point is.
+  // The plane of a load and friction. The lines do not depend on the current point.
   const planeOf = (s) => {
     const p = nodes(s);
     const weights = s.mode === 'F' ? (p === 1 ? [1] : [1, s.ratio]) : s.F.map((f) => (s.F[0] === 0 ? 1 : f / s.F[0]));
@@ -232,7 +232,7 @@ const frictionTab = (() => {
         planeKey = key;
         planeLines = answer.ok ?? null;
         const notes = answer.error ? [answer.error.message] : answer.ok.notes;
-        element('plane-notes').textContent = notes.length ? `Not all lines could be followed: ${notes.join('; ')}` : 'Press where other data shall be taken from.';
+        element('plane-notes').textContent = notes.length ? `Not all lines could be followed: ${notes.join('; ')}` : 'Click at a point to take its data.';
         drawPlane();
       };
       if (planeLines === null) { find(); return; }

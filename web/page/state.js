@@ -19,8 +19,8 @@ const examples = {
   ],
   formula: [
     ['A fold at a kink', { equations: ['abs(x) = a', ''], range: [-1, 2], at: 1, reach: 3, quantity: 0 }],
-    ['Two that hold each other down', { equations: ['x = max(0, min(2, a - 1.6*y))', 'y = max(0, min(2, 1 - 1.6*x))'], range: [-1, 3], at: 1, reach: 3, quantity: 0 }],
-    ['A cubic with a rectifier behind it', { equations: ['x^3 - x = a', 'y = max(x, 0)'], range: [-1, 1], at: 0, reach: 2, quantity: 1 }],
+    ['Mutual inhibition: two saturated unknowns', { equations: ['x = max(0, min(2, a - 1.6*y))', 'y = max(0, min(2, 1 - 1.6*x))'], range: [-1, 3], at: 1, reach: 3, quantity: 0 }],
+    ['A cubic followed by a rectifier', { equations: ['x^3 - x = a', 'y = max(x, 0)'], range: [-1, 1], at: 0, reach: 2, quantity: 1 }],
     ['A tunnel diode, 1 kΩ in series', {
       equations: ['a = y + x', 'y = 10*x - 14*max(x - 0.1, 0) + 4*max(x - 0.35, 0) + 0.001*(exp(x/0.075) - 1)'],
       range: [0, 2], at: 0.8, reach: 1, quantity: 1,

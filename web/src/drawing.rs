@@ -60,7 +60,7 @@ pub(crate) trait Words {
     /// The piece of each site of a selection; at the sites in `grazing` the curve runs inside a facet, between two pieces.
     fn pieces(&self, selection: &Selection, grazing: &[usize]) -> Vec<String>;
 
-    /// The test functions at x, if they are to be listed.
+    /// The test functions at x, for problems that list them.
     fn theta(&self, x: &[f64]) -> Vec<[f64; 3]>;
 }
 

@@ -20,9 +20,9 @@ pub enum Error {
     Value {
         /// Its name.
         what: String,
-        /// What it is.
+        /// Its value.
         value: f64,
-        /// What it must be.
+        /// The range, in words.
         range: &'static str,
     },
     /// A list of the wrong length.
@@ -92,7 +92,7 @@ impl From<Error> for Told {
     }
 }
 
-/// Refuses values outside a closed interval, NaN among them.
+/// Rejects values outside a closed interval, and NaN.
 pub(crate) fn within(
     what: &str,
     value: f64,
@@ -109,7 +109,7 @@ pub(crate) fn within(
     }
 }
 
-/// Refuses numbers beyond a million, and intervals that are empty or of no width to speak of.
+/// Rejects bounds beyond a million, and intervals that are empty or of negligible width.
 pub(crate) fn interval(what: &str, [lower, upper]: [f64; 2]) -> Result<(), Error> {
     within(what, lower, (-1e6, 1e6), "between -1e6 and 1e6")?;
     within(what, upper, (-1e6, 1e6), "between -1e6 and 1e6")?;

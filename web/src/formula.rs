@@ -50,7 +50,7 @@ struct Found {
     index_sum: Option<i64>,
     /// Always false: a search cannot prove completeness.
     complete: bool,
-    /// In the words of the library.
+    /// What is known of the completeness, in the words of the library.
     completeness: String,
 }
 
@@ -62,7 +62,7 @@ struct FoundSolution {
     index: Option<i8>,
 }
 
-/// The pieces of each site in the words of the formula.
+/// The pieces of each site, as text of the formula.
 struct Pieces(Vec<[String; 2]>);
 
 impl Words for Pieces {

@@ -47,7 +47,7 @@ pub(crate) struct Solutions {
     continua: Vec<Continuum>,
     index_sum: Option<i64>,
     complete: bool,
-    /// In the words of the library.
+    /// What is known of the completeness, in the words of the library.
     completeness: String,
 }
 
@@ -69,7 +69,7 @@ struct Continuum {
     ends: Vec<Vec<f64>>,
 }
 
-/// What happens at a point.
+/// States, test functions and residual at a point.
 #[derive(Debug, Serialize)]
 pub(crate) struct At {
     pieces: Vec<String>,
@@ -229,7 +229,7 @@ impl Problem {
     }
 }
 
-/// The stiffness matrix that the talk prints for its model with two contact nodes.
+/// The stiffness matrix of the model with two contact nodes, as printed in the talk.
 fn two_nodes(lambda: f64, mu: f64) -> Result<Matrix, Error> {
     let (shear, half, normal) = (0.5 * mu, 0.5 * lambda, 0.5 * (lambda + 2.0 * mu));
     let both = lambda + 3.0 * mu;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, interval};
 use crate::friction::{Map, Problem, options};
 
-/// Values of the load and of the coefficient of friction at which transitions are looked for.
+/// Numbers of loads and of coefficients of friction at which transitions are computed.
 const COLUMNS: usize = 7;
 const ROWS: usize = 3;
 /// Test functions below this value vanish at a transition.
@@ -51,7 +51,7 @@ struct Line {
     folds: Vec<Option<bool>>,
 }
 
-/// A transition of one of the problems.
+/// A transition at a fixed load or at a fixed coefficient of friction.
 struct Seed {
     node: usize,
     test: usize,

@@ -227,7 +227,7 @@ fn the_drawn_triangles_have_the_stiffness_of_the_models() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// One node against the closed forms of Hild and Renard: as many branches as they say, every point on one of them.
+    /// One node compared with the closed forms of Hild and Renard: the same number of branches, and every point on one of them.
     #[test]
     fn diagrams_of_one_node_are_those_of_hild_and_renard(
         normal in -3.0..3.0, tangential in -6.0..6.0, lambda in 0.2..4.0, mu in 0.2..4.0,
@@ -353,7 +353,7 @@ fn affine_formulas_are_listed_with_a_proof() {
 
 #[test]
 fn formulas_within_each_other_are_read_as_they_are_meant() {
-    // Precedence, powers from the right, signs before powers, several arguments: each equation has the solution beside it at a = 2.
+    // Precedence, right-associative powers, signs before powers, several arguments: (equation, its solution at a = 2).
     for (text, x) in [
         ("x = -2^2", -4.0),
         ("x = 2^3^2 - 500", 12.0),

@@ -42,7 +42,7 @@ pub enum CommandError {
     /// A computation that failed, or a result that cannot be written.
     #[error("{what}: {source}")]
     Failed {
-        /// What was tried.
+        /// The computation or output that failed.
         what: String,
         /// Why it failed.
         source: Source,
@@ -50,12 +50,12 @@ pub enum CommandError {
     /// Some problems of several were not solved.
     #[error("{unsolved} of {all} problems are not solved")]
     Unsolved {
-        /// How many are not.
+        /// Number of unsolved problems.
         unsolved: usize,
-        /// Of how many.
+        /// Number of all problems.
         all: usize,
     },
-    /// The user asked to stop.
+    /// The user interrupted the run.
     #[error("interrupted {0}")]
     Interrupted(String),
     /// The result could not be printed.
@@ -77,7 +77,7 @@ impl CommandError {
         matches!(self, Self::Output(e) if e.kind() == io::ErrorKind::BrokenPipe)
     }
 
-    /// The exit code: 130 where the user asked to stop, else 1.
+    /// The exit code: 130 if the user interrupted the run, else 1.
     #[must_use]
     pub fn code(&self) -> u8 {
         match self {

@@ -159,7 +159,7 @@ struct Table<'a> {
     folder: &'a Path,
     path: PathBuf,
     lines: std::io::BufWriter<std::fs::File>,
-    /// Problems so far.
+    /// Number of problems written so far.
     count: usize,
 }
 
@@ -181,7 +181,7 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// A line for the problem, and its contacts in a table of their own.
+    /// Writes a row for the problem, and a separate table of its contacts.
     fn add(&mut self, problem: &DelassusProblem, outcome: &Outcome) -> Result<(), CommandError> {
         let report = &outcome.report;
         let line = writeln!(

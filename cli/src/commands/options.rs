@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::error::CommandError;
 
-/// Prints options with their defaults, as the table [options] of a run file takes them
+/// Prints options with their defaults, in the form of the table [options] of a run file
 #[derive(Debug, Args)]
 pub struct OptionsArgs {
     #[arg(value_parser = KINDS, default_value = "continuation", hide_possible_values = true)]

@@ -11,7 +11,7 @@ use super::error::CommandError;
 /// Fits 80 columns, without colours.
 const TEMPLATE: &str = "{elapsed_precise} [{bar:30}] {percent:>3} %  {msg:20!}";
 
-/// A bar on standard error (none where that is no terminal), and whether Ctrl-C was pressed.
+/// A progress bar on standard error (if that is a terminal), and whether Ctrl-C was pressed.
 pub(super) struct Progress {
     bar: ProgressBar,
     cancelled: Arc<AtomicBool>,

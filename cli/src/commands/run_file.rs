@@ -15,7 +15,7 @@ use super::error::CommandError;
 /// The arguments of commands that read a run file.
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
-    /// The run, a TOML file; `semismooth init` writes one to begin with
+    /// The run, a TOML file; `semismooth init` writes one as a starting point
     pub(super) run: PathBuf,
     /// JSON instead of text
     #[arg(long)]

@@ -28,7 +28,8 @@ impl Gradient {
         }
     }
 
-    /// Hands `scale` times the derivatives of an expression at the point of `values` to `add`, by variable, in parts that add up.
+    /// Passes `scale` times the gradient of an expression at the point of `values` to `add`, by variable; a variable may come several
+    /// times, with terms to be summed.
     pub fn sweep(
         &mut self,
         graph: &Graph,
@@ -58,7 +59,7 @@ impl Gradient {
         });
     }
 
-    /// Hands the variables on which an expression depends to `found`, perhaps repeatedly.
+    /// Passes the variables on which an expression depends to `found`, possibly repeatedly.
     pub fn variables(&mut self, graph: &Graph, expression: &Expression, found: &mut dyn FnMut(usize)) {
         self.walk(graph, expression, 1.0, &mut |id, weight, pass| {
             if weight == 0.0 {

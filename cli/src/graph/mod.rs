@@ -182,7 +182,7 @@ impl Graph {
         folded.map_or(node, Node::Constant)
     }
 
-    /// Space for values at a point.
+    /// A buffer for the values of all nodes at a point.
     #[must_use]
     pub fn workspace(&self) -> Vec<f64> {
         vec![0.0; self.nodes.len()]
@@ -196,7 +196,7 @@ impl Graph {
         }
     }
 
-    /// The value of an expression, where the variables are set.
+    /// The value of an expression, after [`set_variables`](Self::set_variables).
     pub fn evaluate(&self, expression: &Expression, values: &mut [f64]) -> f64 {
         for id in expression.nodes.clone() {
             let v = |id: NodeId| values[id as usize];

@@ -232,7 +232,7 @@ impl<'a, S: Source> Reader<'a, S> {
     }
 
     fn complementarity(&mut self) -> Result<RowKind, NlError> {
-        // Bits beyond those of the two bounds are left over from AMPL's own use.
+        // Bits other than those of the two bounds are used by AMPL only.
         let flags = self.source.integer("the bounds of a complementarity")?;
         let variable = self.source.index("the variable of a complementarity")?;
         match variable.checked_sub(1) {
@@ -284,7 +284,7 @@ impl<'a, S: Source> Reader<'a, S> {
             }
             None => return Err(self.source.fail(Fault::End { what })),
         };
-        // Written so that NaN is refused.
+        // In this form the test rejects NaN.
         if !(lower <= upper && lower < f64::INFINITY && upper > f64::NEG_INFINITY) {
             let value = format_args!("[{lower}, {upper}]").to_string();
             return Err(self.source.out_of_range("an interval", value, "not empty"));

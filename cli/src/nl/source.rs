@@ -2,7 +2,7 @@
 
 use super::{Fault, NlError, Position};
 
-/// Reads tokens one after the other. Text and binary files hold the same ones, in the same order.
+/// Reads tokens one after the other. Text and binary files have the same tokens in the same order.
 pub trait Source {
     /// The place of the token that was read last.
     fn position(&self) -> Position;
@@ -25,7 +25,7 @@ pub trait Source {
     /// A name: of a function, of a suffix.
     fn name(&mut self) -> Result<String, NlError>;
 
-    /// Goes to the next line, in a text file. Only a comment may stand before its end.
+    /// In a text file, goes to the next line; the rest of the current one may only be a comment.
     fn end_line(&mut self) -> Result<(), NlError>;
 
     /// The error of this kind at the token read last.

@@ -26,7 +26,7 @@ fn semismooth(folder: &Path, arguments: &[&str]) -> Output {
     command.args(arguments).current_dir(folder).output().unwrap()
 }
 
-/// What is printed by a command that succeeds.
+/// The output of a command that succeeds.
 fn printed(folder: &Path, arguments: &[&str]) -> String {
     let output = semismooth(folder, arguments);
     assert!(
@@ -68,7 +68,7 @@ fn table(path: &Path) -> Vec<Vec<String>> {
     text.lines().map(words).collect()
 }
 
-/// The block of the run file, by the library.
+/// The block of the run file, built with the library.
 fn block(friction: f64) -> CondensedContact<PlanarCoulomb> {
     let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [16, 8]).unwrap();
     let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap())

@@ -108,7 +108,7 @@ fn options_are_those_of_the_library() {
     let arclength = column(&rows, "arclength");
     assert!(arclength.windows(2).all(|w| w[1] - w[0] < 0.011));
     assert!(column(&rows, "parameter").contains(&1.5));
-    // What is printed can be written into a run file as it is.
+    // The printed options can be pasted into a run file.
     for (kind, command) in [
         ("continuation", "follow"),
         ("diagram", "diagram"),

@@ -159,7 +159,7 @@ class Classics(Case):
 
 
 class Forms(Case):
-    """The forms that Pyomo knows for one condition."""
+    """All forms of a complementarity condition in Pyomo."""
 
     def test_both_sides_are_expressions(self):
         m = ConcreteModel()

@@ -321,7 +321,7 @@ impl Results {
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!(
-        "{PROBLEMS} problems a class; ms, least of {REPEATED} solves: median, largest; steps: mean; largest natural residual; largest differences of x, of the objective\n"
+        "{PROBLEMS} problems per class; ms, least of {REPEATED} solves: median, largest; steps: mean; largest natural residual; largest differences of x, of the objective\n"
     );
     let side = |name: &str| format!("{name:>8} {:>8} {:>6} {:>8}", "largest", "steps", "residual");
     let (left, right) = (side("ours"), side("Clarabel"));

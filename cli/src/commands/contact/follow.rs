@@ -151,7 +151,7 @@ fn write<L: NodeLaw>(case: &Case<'_, CondensedContact<L>>, branch: &Branch) -> R
     case.write_fields(&case.file("end.vtu"), &solution, &free, &supports)
 }
 
-/// The state of all nodes together.
+/// The state of all nodes, in words.
 fn overall([_, stick, slip]: [usize; 3]) -> SegmentStyle {
     match (stick, slip) {
         (0, 0) => SegmentStyle::new("no contact", Colour::RED),

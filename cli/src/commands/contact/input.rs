@@ -111,7 +111,7 @@ pub(super) struct RunInput {
     pub route: Route,
 }
 
-/// In which unknowns the problem is solved.
+/// The unknowns in which the problem is solved.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Route {

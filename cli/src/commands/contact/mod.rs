@@ -46,7 +46,7 @@ pub(super) fn run(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), Comman
     }
 }
 
-/// What is to be done with which body.
+/// A body, and what is to be computed.
 struct Run<'a> {
     file: RunFile,
     arguments: &'a RunArgs,

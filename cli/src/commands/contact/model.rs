@@ -283,7 +283,7 @@ impl RunFile {
             (Route::Auto, Plan::History(levels)) if system.num_free() > most => Ok(Plan::Levels(levels)),
             (Route::Reduced, Plan::History(levels)) => Ok(Plan::Levels(levels)),
             (Route::Reduced, Plan::Follow(_)) => {
-                let what = "curves are followed by the condensed route alone";
+                let what = "curves need the condensed route";
                 Err(self.wrong(place, "run.route", what))
             }
             (_, plan) => Ok(plan),
