@@ -1,8 +1,8 @@
-//! Key figures beside those stored in `benches/baseline.csv`.
+//! Key figures, compared with those stored in `benches/baseline.csv`.
 //!
 //! Run: cargo bench --bench baseline [-- --save "machine"]
 //!
-//! Each figure is the least time of 20 runs. With `--save` they replace the stored ones.
+//! Each figure is the least time of 20 runs. With `--save` the new figures replace the stored ones.
 
 use std::error::Error;
 use std::hint::black_box;

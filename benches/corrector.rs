@@ -1,7 +1,7 @@
-//! Corrector: time to 1e-12 by class of problem and method, and the cost of an iteration beside that of its parts (evaluation,
+//! Corrector: time to 1e-12 by class of problem and method, and the cost of an iteration compared with that of its parts (evaluation,
 //! factorisation, solve), dense with 2 to 500 unknowns and sparse with 1 000 to 1 000 000.
 
-// Function spaces come from the examples, with what examples share.
+// Modules of the examples, included with their dependencies.
 #![allow(clippy::duplicate_mod)]
 
 #[macro_use]
@@ -60,7 +60,7 @@ fn one_node(c: &mut Criterion) {
     group.finish();
 }
 
-/// Residual, relative to that of the start, at which a method has arrived.
+/// Residual, relative to that of the start, at which a method counts as converged.
 const ARRIVED: f64 = 1e-12;
 
 /// Runs that take longer are timed once, in seconds.
@@ -81,7 +81,7 @@ const SIZES: Sizes = Sizes {
     plastic: &[1],
 };
 
-/// How the names of the problems begin that stand for their kind.
+/// Prefixes of the names of the problems that represent their kind.
 const CHOSEN: [&str; 20] = [
     "skew",
     "monotone",
@@ -105,7 +105,7 @@ const CHOSEN: [&str; 20] = [
     "random contacts 5",
 ];
 
-/// Milliseconds of a run to the solution, if it arrives there.
+/// Time of a run in milliseconds, if it converges.
 fn milliseconds(run: &Run) -> Option<f64> {
     (run.residual <= ARRIVED * run.first).then_some(1e3 * run.seconds)
 }
@@ -155,12 +155,12 @@ fn to_solution(c: &mut Criterion) {
         }
     }
     println!(
-        "\nmilliseconds to 1e-12, the least of three: how many methods arrive, the quickest, the usual one"
+        "\nmilliseconds to 1e-12, the least of three: how many methods converge, the fastest, the default"
     );
     table.iter().for_each(|line| println!("{line}"));
 }
 
-/// Time spent in a part.
+/// Accumulated time of one part of an iteration.
 #[derive(Default)]
 struct Watch(Cell<Duration>);
 
@@ -173,7 +173,7 @@ impl Watch {
     }
 }
 
-/// A map, its evaluations timed.
+/// A map with timed evaluations.
 struct TimedMap<'w, P> {
     map: P,
     watch: &'w Watch,
@@ -339,12 +339,12 @@ fn iterations(c: &mut Criterion) {
             },
             watches: [evaluation, factorisation, solve],
         };
-        // The first solve makes room and finds an order of elimination.
+        // The first solve allocates memory and computes the elimination order.
         times_of(&mut timed, &start);
         let mut group = c.benchmark_group(format!("an iteration: {name}"));
         group.sample_size(10).measurement_time(Duration::from_millis(500));
         group.warm_up_time(Duration::from_millis(100));
-        // A sample would take a minute where a solve takes seconds: those are in the table alone.
+        // With solves that take seconds a sample would take a minute: these are only in the table.
         let shown = if start.len() > LONG { 0 } else { PARTS.len() };
         for (k, part) in PARTS[..shown].iter().enumerate() {
             group.bench_function(BenchmarkId::from_parameter(part), |b| {
@@ -361,7 +361,7 @@ fn iterations(c: &mut Criterion) {
         table.push((name, runs[solves / 2]));
     }
     println!(
-        "\nmicroseconds an iteration, its parts, and the iteration over their sum (of the solve with the median of it)"
+        "\nmicroseconds per iteration, its parts, and the iteration over their sum (of the solve with the median of it)"
     );
     for (name, [whole, a, b, c]) in table {
         let ratio = whole / (a + b + c);

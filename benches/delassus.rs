@@ -1,4 +1,4 @@
-//! Frictional contact in Delassus form: the small files that come with the tests.
+//! Frictional contact in Delassus form: the small files in the data of the tests.
 
 use std::hint::black_box;
 use std::path::Path;

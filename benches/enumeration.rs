@@ -109,7 +109,7 @@ impl NonsmoothFunction for Diodes {
     }
 }
 
-/// Many lists, each made once: a line of figures, and the time of all of them.
+/// Many lists, each computed once: a line of figures, and their total time.
 fn lists(c: &mut Criterion, name: &str, maps: &[Box<dyn PiecewiseSmooth>]) {
     let options = EnumerationOptions::default();
     let (mut solutions, mut complete, mut slowest) = (0, 0, Duration::ZERO);

@@ -1,4 +1,5 @@
-//! Finds PETSc by pkg-config and MPI by its compiler, and builds the shim, in which the C compiler checks what `src/ffi.rs` declares.
+//! Finds PETSc by pkg-config and MPI by its compiler wrapper, and builds the shim, in which the C compiler checks the types that
+//! `src/ffi.rs` declares.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -52,7 +53,7 @@ fn build() -> Result<(), String> {
     for lib in &petsc.libs {
         println!("cargo::rustc-link-lib={lib}");
     }
-    // MPI as its compiler links it.
+    // Link MPI as its compiler wrapper does.
     for flag in String::from_utf8_lossy(&shown.stdout).split_whitespace() {
         if let Some(path) = flag.strip_prefix("-L") {
             println!("cargo::rustc-link-search=native={path}");
@@ -63,7 +64,7 @@ fn build() -> Result<(), String> {
     Ok(())
 }
 
-/// The settings PETSc was built with.
+/// The settings with which PETSc was built.
 fn settings(folders: &[PathBuf]) -> Result<String, String> {
     let texts = folders
         .iter()

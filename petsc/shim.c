@@ -1,4 +1,4 @@
-/* What Rust cannot see of PETSc and MPI: communicators (a number or a pointer), macros, the values of enums. */
+/* Wrappers for parts of PETSc and MPI that Rust cannot use: communicators (a number or a pointer), macros, the values of enums. */
 #include <petscksp.h>
 #if defined(__GLIBC__)
   #include <malloc.h>
@@ -17,12 +17,12 @@ _Static_assert(sizeof(PetscLogDouble) == sizeof(double), "PetscLogDouble is not 
 _Static_assert(sizeof(PetscErrorCode) == sizeof(int), "PetscErrorCode is not int");
 _Static_assert(sizeof(Vec) == sizeof(void *) && sizeof(Mat) == sizeof(void *) && sizeof(KSP) == sizeof(void *), "handles");
 
-/* Votes have a communicator of their own, so that they meet nothing that PETSc sends. */
+/* Votes have their own communicator, so that they do not match messages of PETSc. */
 static MPI_Comm votes = MPI_COMM_NULL;
-/* The process that says what no other has to repeat. */
+/* The process that prints messages common to all. */
 static volatile pid_t teller = 0;
 
-/* Ctrl-C reaches the processes as SIGTERM from mpiexec. The first one says so; no process stays behind in a call that waits for others. */
+/* Ctrl-C reaches the processes as SIGTERM from mpiexec. Process 0 prints a message; no process stays in a call that waits for others. */
 static void interrupted(int number)
 {
   static const char said[] = "error: the job was interrupted by a signal; what was saved before stays\n";
@@ -46,7 +46,7 @@ int shim_start(const char *options)
   if (sigaction(SIGINT, &action, NULL) || sigaction(SIGTERM, &action, NULL)) return PETSC_ERR_SYS;
   return PetscOptionsInsertString(NULL, options);
 }
-/* Open MPI has malloc keep all that is freed, in pieces that large blocks do not fit into. */
+/* Open MPI makes malloc keep all freed memory, in pieces too small for large blocks. */
 void shim_trim(void)
 {
 #if defined(__GLIBC__)
@@ -65,7 +65,7 @@ void shim_world(int *rank, int *size)
   MPI_Comm_size(PETSC_COMM_WORLD, size);
 }
 
-/* The smallest of all numbers. A process that names a number below its limit waits for the others no longer than `patience` seconds. */
+/* The minimum of `own` over all processes. A process with `own` < `limit` waits for the others at most `patience` seconds. */
 int shim_vote(int own, int limit, double patience, int *smallest, int *late)
 {
   MPI_Request request;
@@ -104,7 +104,7 @@ int shim_receive(char *bytes, long long n, int from)
   }
   return 0;
 }
-/* How many the processes before this one have, and all of them. */
+/* The sums of `own` over the processes before this one, and over all. */
 int shim_offset(long long own, long long *before, long long *total)
 {
   int rank;
@@ -163,7 +163,7 @@ int shim_assemble(Mat a)
   PetscCall(MatAssemblyBegin(a, MAT_FINAL_ASSEMBLY));
   return MatAssemblyEnd(a, MAT_FINAL_ASSEMBLY);
 }
-/* The entries among some rows, which each process names of its own in increasing order, and their columns; `again` into the same matrix. */
+/* The submatrix of some rows and the same columns; each process gives its own rows, in increasing order. `again`: into the same matrix. */
 int shim_among(Mat a, PetscInt n, const PetscInt rows[], int again, Mat *part)
 {
   IS is;
@@ -186,7 +186,7 @@ int shim_both(Mat a, Mat b, Mat *sum)
   Mat parts[2] = {a, b};
   return MatCreateComposite(PETSC_COMM_WORLD, 2, parts, sum);
 }
-/* The near-kernel from `count` vectors of `local` entries, one after another; those that depend on the ones before are left out. */
+/* The near-kernel from `count` vectors of `local` entries, one after another; vectors that depend on previous ones are left out. */
 int shim_near_kernel(Mat a, PetscInt local, PetscInt block, int count, const double *values)
 {
   Vec          v[6] = {NULL};
@@ -231,7 +231,7 @@ static int eliminate(Mat a, Mat factor, PetscInt n, const PetscInt rows[], doubl
   PetscCall(ISCreateGeneral(PETSC_COMM_WORLD, n, rows, PETSC_COPY_VALUES, &is));
   PetscCall(MatFactorSetSchurIS(factor, is));
   PetscCall(ISDestroy(&is));
-  /* MUMPS fills one triangle, on one process another than on several. */
+  /* MUMPS fills one triangle only, and not the same one on one process as on several. */
   PetscCall(MatFactorGetSchurComplement(factor, &s, NULL));
   PetscCall(MatZeroEntries(s));
   PetscCall(MatFactorInfoInitialize(&info));
@@ -257,7 +257,8 @@ static int eliminate(Mat a, Mat factor, PetscInt n, const PetscInt rows[], doubl
   return MatFactorRestoreSchurComplement(factor, &s, MAT_FACTOR_SCHUR_UNFACTORED);
 }
 
-/* The Schur complement of n rows, which process 0 names, symmetric, on process 0: MUMPS eliminates all others and is done. */
+/* The symmetric Schur complement on n rows given by process 0, stored on process 0: MUMPS eliminates all other rows, then its factor is
+   freed. */
 int shim_eliminate(Mat a, PetscInt n, const PetscInt rows[], double schur[])
 {
   Mat factor;
@@ -282,8 +283,8 @@ int shim_solver(KSP *k)
   PetscCall(KSPCreate(PETSC_COMM_WORLD, k));
   return KSPSetFromOptions(*k);
 }
-/* Smoothing of the finest level of multigrid node by node: a node at the brink of slip has one stiff direction, across its force and along
-   no axis. Blocks of coarse levels may be singular, and stay with PETSc's default. */
+/* Smooths the finest level of multigrid node by node: a node on the verge of slip has one stiff direction, perpendicular to its force and
+   along no axis. Blocks of coarse levels may be singular and are smoothed by PETSc's default. */
 static int smooth_nodes(KSP k)
 {
   PC        pc;
@@ -303,7 +304,7 @@ static int smooth_nodes(KSP k)
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCPBJACOBI, &is));
   if (is) return 0;
   PetscCall(PCSetType(pc, PCPBJACOBI));
-  /* The bounds found for another smoother are not those of this one. */
+  /* Eigenvalue bounds estimated for another smoother do not hold for this one. */
   PetscCall(PetscObjectTypeCompare((PetscObject)smoother, KSPCHEBYSHEV, &is));
   if (is) PetscCall(KSPChebyshevEstEigSet(smoother, PETSC_DECIDE, PETSC_DECIDE, PETSC_DECIDE, PETSC_DECIDE));
   return KSPSetUp(smoother);
@@ -314,7 +315,7 @@ int shim_operators(KSP k, Mat a, Mat p)
   PetscCall(KSPSetUp(k));
   return smooth_nodes(k);
 }
-/* Whether the preconditioner is GAMG, whose aggregates stay as the matrix changes. */
+/* Whether the preconditioner is GAMG with aggregates that are reused when the matrix changes. */
 int shim_multigrid(KSP k, int *is)
 {
   PC        pc;
@@ -326,9 +327,9 @@ int shim_multigrid(KSP k, int *is)
   *is = gamg && stays;
   return 0;
 }
-/* Of a hierarchy that has been made: the given rows of the interpolation to the finest level, and a copy of the matrix of the level below;
-   none where there is one level. What PETSc keeps to form that matrix again is freed: it is more than the matrix of the finest level where
-   processes share it. */
+/* From an existing hierarchy: the given rows of the interpolation to the finest level, and a copy of the matrix of the level below; NULL if
+   there is only one level. The data that PETSc keeps to recompute that matrix are freed: on several processes they take more memory than
+   the matrix of the finest level. */
 int shim_hierarchy(KSP k, PetscInt n, const PetscInt rows[], Mat *interpolation, Mat *coarse)
 {
   PC       pc;
@@ -351,8 +352,8 @@ int shim_hierarchy(KSP k, PetscInt n, const PetscInt rows[], Mat *interpolation,
   PetscCall(ISDestroy(&is));
   return MatDuplicate(c, MAT_COPY_VALUES, coarse);
 }
-/* The hierarchy of other operators: `coarse` + `change` is the matrix of the level below the finest, those of the others follow. GAMG's own
-   setup is not called again. */
+/* Updates the hierarchy to new operators: `coarse` + `change` is the matrix of the level below the finest, from which those of coarser
+   levels are computed. GAMG's own setup is not called again. */
 int shim_update(KSP k, Mat a, Mat p, Mat coarse, Mat change, int again)
 {
   PC       pc;
@@ -384,7 +385,7 @@ int shim_update(KSP k, Mat a, Mat p, Mat coarse, Mat change, int again)
       PetscCall(KSPSetOperators(smoother, own, own));
       continue;
     }
-    /* Where GAMG has moved a level to fewer processes its matrix is not the product it came from. */
+    /* Where GAMG has moved a level to fewer processes, its matrix cannot be reused as the result of MatPtAP. */
     PetscCall(MatPtAP(above, interpolation, MAT_INITIAL_MATRIX, 2.0, &own));
     PetscCall(KSPSetOperators(smoother, own, own));
     if (l > 0) PetscCall(PCMGSetResidual(pc, l, PCMGResidualDefault, own));
@@ -401,7 +402,7 @@ int shim_solve(KSP k, Vec b, Vec x, double tolerance, PetscInt most, PetscInt *i
   PetscCall(KSPGetIterationNumber(k, iterations));
   PetscCall(KSPGetResidualNorm(k, residual));
   PetscCall(KSPGetConvergedReason(k, &why));
-  /* Too many iterations leave an approximation, anything else that diverges does not. */
+  /* The limit of iterations leaves an approximate solution, other reasons for divergence do not. */
   *reason = why == KSP_DIVERGED_ITS ? 0 : (int)why;
   return 0;
 }

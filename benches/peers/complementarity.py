@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Complementarity problems by the peers, beside our own numbers.
+"""Complementarity problems solved by other programs, compared with this crate.
 
     python3 benches/peers/complementarity.py [--m 400] [--runs 3]
 
 Runs PETSc's SNESVI (package python3-petsc4py) on MCPLIB's obstacle problem and on the hemisphere from the stated starts, and
-Siconos' Lemke (package python3-siconos) on a dense Harker-Pang problem; whatever is not installed is skipped with a message. Then
-runs our examples for the same problems. All on one core; times are the least of --runs.
+Siconos' Lemke (package python3-siconos) on a dense Harker-Pang problem; programs that are not installed are skipped with a message. Then
+runs the examples of this crate for the same problems. All on one core; times are the least of --runs.
 """
 
 import argparse

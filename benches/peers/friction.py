@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Friction problems u = M r + q by Siconos (package python3-siconos), beside `friction_problem`.
+"""Friction problems u = M r + q by Siconos (package python3-siconos), compared with `friction_problem`.
 
     python3 benches/peers/friction.py [--runs 20] [--seconds 20] FILES...
 
-FILES are those that `friction_problem` reads. Each of Siconos' solvers runs with dense and with sparse storage at its own tolerance 1e-12; its
-time counts where the residual of the reactions returned, measured here, is at most 1e-10. One core; times are the least of --runs and of the
-two storages. A solver that takes longer than --seconds is ended.
+FILES are in the format of `friction_problem`. Each solver of Siconos runs with dense and with sparse storage and its own tolerance 1e-12;
+its time counts if the residual of the returned reactions, evaluated here, is at most 1e-10. One core; times are the least of --runs and of
+both storages. A solver that takes longer than --seconds is stopped.
 """
 
 import argparse
@@ -39,7 +39,7 @@ def problem(path):
 
 
 def residual(dimension, mu, matrix, q, r):
-    """The largest ‖r − P_K(r − (u + μ‖u_T‖ e) / s)‖ of a contact, s its mean stiffness, over the largest force by load alone."""
+    """The largest ‖r − P_K(r − (u + μ‖u_T‖ e) / s)‖ of a contact, s its mean stiffness, relative to the largest force due to q."""
     u = (matrix @ r + q).reshape(-1, dimension)
     s = np.maximum(matrix.diagonal().reshape(-1, dimension).mean(axis=1), 1e-300)
     r = r.reshape(-1, dimension)
@@ -59,7 +59,7 @@ def residual(dimension, mu, matrix, q, r):
 
 
 def one(path, name, storage, runs, pipe):
-    """Least time and residual of one solver, in a process of its own: some crash, some do not end."""
+    """Least time and residual of one solver, in a separate process: some crash, some do not terminate."""
     import siconos.numerics as numerics
 
     null = os.open(os.devnull, os.O_WRONLY)

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""GetFEM's continuation and ours on the same matrices: transitions, folds, wall time, ratio.
+"""GetFEM's continuation and that of this crate on the same matrices: transitions, folds, wall time, ratio.
 
     cargo build --release --example follow_load
     /usr/bin/python3 benches/peers/getfem_continuation.py [FOLDER]
@@ -54,7 +54,7 @@ def peer(gf, np, folder):
     )
     model.solve("max_res", 1e-12, "max_iter", 200)
 
-    # The options with which GetFEM was found to get through these problems; larger steps leave the branch.
+    # Options with which GetFEM follows the branches of these problems to their end; with larger steps it leaves the branch.
     options = meta.get("getfem", {}).get("opts") or {
         "h_init": 5e-4, "h_max": 1e-1, "h_min": 5e-7, "max_iter": 5, "thr_iter": 4,
         "max_res": 5e-10, "max_diff": 5e-10, "min_cos": 0.99999, "max_res_solve": 1e-10,

@@ -44,7 +44,7 @@ pub enum CliError {
         /// Why not.
         source: io::Error,
     },
-    /// A file that is no .nl file.
+    /// A file that is not a valid .nl file.
     #[error("{path}: {source}")]
     Nl {
         /// The file.
@@ -52,7 +52,7 @@ pub enum CliError {
         /// The first fault.
         source: NlError,
     },
-    /// A problem of another kind.
+    /// A problem that this program cannot solve.
     #[error("{path}: {source}")]
     Solve {
         /// The file.
@@ -65,7 +65,7 @@ pub enum CliError {
     Output(#[from] io::Error),
 }
 
-/// What the command line asks for.
+/// The parsed command line.
 #[derive(Debug, Default)]
 struct Request {
     stub: Option<PathBuf>,
@@ -78,7 +78,7 @@ struct Request {
 
 impl Request {
     fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, CliError> {
-        let usage = |what: String| Err(CliError::Usage(format!("{what}; --help tells what is")));
+        let usage = |what: String| Err(CliError::Usage(format!("{what}; see --help")));
         let mut request = Self::default();
         let mut flags = true;
         for argument in arguments {
@@ -88,7 +88,7 @@ impl Request {
                 Some("-=" | "-?" | "-h" | "--help") if flags => request.help = true,
                 Some("-AMPL") if flags => request.ampl = true,
                 Some("-s") if flags => request.write = true,
-                // Whether to echo options, which this program does not.
+                // Suppresses the echo of options, which this program never prints.
                 Some("-e") if flags => {}
                 Some(flag) if flags && flag.starts_with('-') && request.stub.is_none() => {
                     return usage(format!("{flag} is not known"));
@@ -102,10 +102,10 @@ impl Request {
     }
 }
 
-/// Runs the program with its arguments, the name of the program not among them, and the options of the environment.
+/// Runs the program with its arguments (without the name of the program) and the options of the environment.
 ///
 /// # Errors
-/// What keeps it from a result. That no solution was found is no error: AMPL reads it from the .sol file.
+/// A [`CliError`] if there is no result. A solve without a solution is no error: AMPL reads its status from the .sol file.
 pub fn run(
     arguments: impl IntoIterator<Item = OsString>,
     environment: Option<&str>,
@@ -118,7 +118,7 @@ pub fn run(
     };
     let Some(stub) = &request.stub else {
         return Err(CliError::Usage(
-            "which problem? semismooth FILE.nl; --help tells more".into(),
+            "which problem? semismooth FILE.nl; see --help".into(),
         ));
     };
     let mut options = Options::default();
@@ -150,7 +150,7 @@ pub fn run(
     report(&options, &solution, out)
 }
 
-/// The files of a stub, which AMPL gives without extension and Pyomo with.
+/// The .nl and .sol files of a stub, which AMPL passes without extension and Pyomo with one.
 fn files(stub: &Path) -> (PathBuf, PathBuf) {
     let base = match stub.extension() {
         Some(extension) if extension == "nl" => stub.with_extension(""),

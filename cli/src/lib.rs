@@ -1,9 +1,9 @@
 //! Complementarity problems and first-order conditions of nonlinear programs from AMPL's .nl files: the parts of the program
 //! `semismooth`.
 //!
-//! [`nl`] reads a file into a [`model`] over the expressions of a [`graph`]; [`solve`] makes a mixed complementarity problem of it
-//! ([`square`], or [`program`] where there is something to optimise) and says how that ended ([`second_order`]: whether it is a minimum); [`solution`] is the file with the
-//! answer, [`options`] are those of the command line, [`cli`] is the program.
+//! [`nl`] reads a file into a [`model`] over the expressions of a [`graph`]; [`solve`] turns the model into a mixed complementarity problem
+//! ([`square`], or [`program`] if it has an objective), solves it and classifies the result ([`second_order`]: whether a KKT point is a
+//! minimum); [`solution`] writes the .sol file, [`options`] are those of the command line, [`cli`] is the program.
 
 pub mod cli;
 pub mod commands;

@@ -1,7 +1,7 @@
-//! Pairs equations with variables that stand in them, as many as can be.
+//! A maximum matching of equations with variables on which they depend.
 
-/// One equation for each of `count` variables, where `edges` lists the variables of as many equations. What no equation with an edge is
-/// left for gets one without.
+/// One equation for each of `count` variables; `edges` lists the variables in each of as many equations. Variables outside the maximum
+/// matching get the remaining equations.
 #[must_use]
 pub fn complete(edges: &[Vec<usize>], count: usize) -> Vec<usize> {
     let mut equation_of: Vec<Option<usize>> = vec![None; count];
@@ -12,7 +12,7 @@ pub fn complete(edges: &[Vec<usize>], count: usize) -> Vec<usize> {
             variable_of[equation] = Some(variable);
         }
     }
-    // Paths that alternate between pairs and other edges, from an equation without a variable to a variable without an equation.
+    // Augmenting paths: from an unmatched equation to an unmatched variable, with every second edge in the matching.
     let mut seen = vec![usize::MAX; count];
     let mut from = vec![0; count];
     for start in 0..edges.len() {

@@ -30,20 +30,20 @@ pub struct Model {
     pub names: Names,
 }
 
-/// A row: the sum of a nonlinear and a linear part, its body, and what is asked of it.
+/// A row: its body, the sum of a nonlinear and a linear part, and the condition on it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// The nonlinear part.
     pub expression: Option<Expression>,
-    /// Where the file has it.
+    /// Its place in the file.
     pub at: Position,
-    /// The linear part, with a coefficient of 0 for variables of the nonlinear part alone.
+    /// The linear part, with a coefficient of 0 for variables that occur only in the nonlinear part.
     pub linear: Linear,
-    /// What is asked of the body.
+    /// The condition on the body.
     pub kind: RowKind,
 }
 
-/// What is asked of a row.
+/// The condition on a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RowKind {
     /// To lie between bounds.
@@ -85,7 +85,7 @@ impl RowKind {
         }
     }
 
-    /// Whether nothing is asked.
+    /// Whether there is no condition.
     #[must_use]
     pub fn is_free(self) -> bool {
         matches!(self, Self::Range { lower, upper } if lower == f64::NEG_INFINITY && upper == f64::INFINITY)

@@ -11,8 +11,8 @@ pub struct Names {
 }
 
 impl Names {
-    /// The names in the files beside a problem: one a line, variables in FILE.col, rows in FILE.row. Files that are not there, or have
-    /// other numbers of lines, give none.
+    /// The names in the files beside a problem, one per line: variables in FILE.col, rows in FILE.row. Files that do not exist or have
+    /// the wrong number of lines give no names.
     #[must_use]
     pub fn beside(problem: &Path, variables: usize, rows: usize) -> Self {
         // Objectives follow after the rows.
@@ -27,13 +27,13 @@ impl Names {
         }
     }
 
-    /// What to call a variable.
+    /// The name of a variable, for messages.
     #[must_use]
     pub fn variable(&self, number: usize) -> String {
         label("variable", &self.variables, number)
     }
 
-    /// What to call a row.
+    /// The name of a row, for messages.
     #[must_use]
     pub fn row(&self, number: usize) -> String {
         label("row", &self.rows, number)

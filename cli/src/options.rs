@@ -81,7 +81,7 @@ pub const OPTIONS: [(&str, &str); 8] = [
 ];
 
 impl Options {
-    /// Takes options in the order of the text: `name=value`, `name = value` or `name value`, separated by blanks.
+    /// Sets options in the order of the text: `name=value`, `name = value` or `name value`, separated by blanks.
     ///
     /// # Errors
     /// The first option that cannot be understood.

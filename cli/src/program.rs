@@ -8,7 +8,7 @@ use semismooth::sparse::{Matrix, Pattern, SparseError};
 use crate::graph::{Expression, Gradient, Hessian, TooDense};
 use crate::model::{Model, Objective, RowKind, linear_value};
 
-/// Largest number of entries of a Hessian: some gigabytes.
+/// Largest number of entries of a Hessian (some gigabytes).
 const MAX_HESSIAN: usize = 30_000_000;
 
 /// A constraint c(x) ≥ 0 or c(x) = 0: sign · (body − slack − right-hand side).
@@ -54,7 +54,7 @@ pub enum NlpError {
 }
 
 impl<'m> Nlp<'m> {
-    /// The program of one objective; complementarities are not looked at.
+    /// The program of one objective; complementarities are ignored.
     ///
     /// # Errors
     /// Derivatives that do not fit into memory.
@@ -121,7 +121,7 @@ impl<'m> Nlp<'m> {
         degrees[0] <= 2 && degrees[1..].iter().all(|d| *d <= 1)
     }
 
-    /// What each constraint asks.
+    /// The kind of each constraint.
     #[must_use]
     pub fn kinds(&self) -> Vec<ConstraintKind> {
         self.constraints.iter().map(|c| c.kind).collect()
@@ -140,14 +140,14 @@ impl<'m> Nlp<'m> {
         (lower, upper)
     }
 
-    /// Whether both bounds of a variable are one.
+    /// Whether the bounds of a variable are equal.
     #[must_use]
     pub fn is_fixed(&self, variable: usize) -> bool {
         let bounds = self.model.lower.get(variable).zip(self.model.upper.get(variable));
         bounds.is_some_and(|(l, u)| l == u)
     }
 
-    /// A start (x, y): the initial values of the model, the bodies of rows with two bounds, the multipliers of the file.
+    /// A start (x, y): the initial values of the model, the values of rows with two bounds, the multipliers of the file.
     #[must_use]
     pub fn start(&self) -> Vec<f64> {
         let work = &mut *self.work.borrow_mut();
@@ -171,7 +171,7 @@ impl<'m> Nlp<'m> {
     pub fn duals(&self, multipliers: &[f64]) -> Vec<f64> {
         let mut duals = vec![0.0; self.model.rows.len()];
         for (c, y) in self.constraints.iter().zip(multipliers) {
-            // Adding 0 makes −0 what it is.
+            // Adding 0 turns −0 into 0.
             duals[c.row] = c.sign * self.sense() * y + 0.0;
         }
         duals
@@ -226,7 +226,7 @@ impl Program for Nlp<'_> {
         for (j, v) in &self.objective.linear {
             out[*j as usize] += self.sense() * v;
         }
-        // Derivatives may be finite where the function is not defined, as those of logarithms are.
+        // Derivatives may be finite where the function is not defined: those of the logarithm are.
         if !value.is_finite() {
             out.fill(f64::NAN);
         }

@@ -1,4 +1,4 @@
-//! Whether a KKT point is a minimum: curvature of the Lagrangian along the directions that active constraints leave.
+//! Whether a KKT point is a minimum: curvature of the Lagrangian on the null space of the gradients of active constraints.
 
 use semismooth::complementarity::{BoundState, ConstraintKind, Program};
 use semismooth::linear::{null_space, symmetric_eigenvalues};
@@ -6,34 +6,34 @@ use semismooth::sparse::Matrix;
 
 use crate::program::Nlp;
 
-/// Largest number of variables: eigenvalues are found in full matrices.
+/// Largest number of variables: eigenvalues are computed of dense matrices.
 pub const MAX_VARIABLES: usize = 300;
 
-/// Values of constraints, singular values and curvatures less than this of the largest count as zero.
+/// Values of constraints, singular values and curvatures below this fraction of the largest count as zero.
 const ZERO: f64 = 1e-6;
 
-/// Multipliers less than this of the largest are not relied on: where solutions are singular they are known to few digits.
+/// Multipliers below this fraction of the largest are not taken as positive: at singular solutions they are accurate to few digits only.
 const STRONG: f64 = 1e-4;
 
-/// What second derivatives say of a KKT point.
+/// Whether a KKT point satisfies the second-order conditions of a minimum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SecondOrder {
     /// The sufficient conditions hold: no point nearby is as good.
     Strict,
     /// The necessary conditions do not hold: points nearby are better.
     Violated,
-    /// Neither, too many variables, or eigenvalues that cannot be found.
+    /// Neither holds, there are too many variables, or the eigenvalues could not be computed.
     Undecided,
 }
 
-/// The rows of gradients of active constraints and bounds.
+/// The gradients of active constraints and bounds, as rows.
 #[derive(Debug, Clone, Default)]
 struct Active {
     rows: Vec<Vec<f64>>,
 }
 
 impl Active {
-    /// A basis of the directions along which none of them changes, and whether they are independent.
+    /// A basis of the null space of the gradients, and whether these are linearly independent.
     fn directions(&self, n: usize) -> Option<(Vec<Vec<f64>>, bool)> {
         let rows = self.rows.iter().enumerate();
         let entries = rows.flat_map(|(i, row)| row.iter().enumerate().map(move |(j, v)| (i, j, *v)));
@@ -45,8 +45,8 @@ impl Active {
     }
 }
 
-/// Looks at a solution z = (x, y) of the first-order conditions, whose values there are `f` and whose components are at bounds as
-/// `states` tell.
+/// Tests the second-order conditions at a solution z = (x, y) of the first-order conditions; `f` are their values at z, `states` says which
+/// components of z are at bounds.
 #[must_use]
 pub fn second_order(nlp: &Nlp<'_>, z: &[f64], f: &[f64], states: &[BoundState]) -> SecondOrder {
     match nlp.num_vars() <= MAX_VARIABLES {
@@ -67,7 +67,7 @@ fn decide(nlp: &Nlp<'_>, z: &[f64], f: &[f64], states: &[BoundState]) -> Option<
 
     let largest = |values: &[f64]| values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let small = STRONG * (1.0 + largest(y).max(largest(&f[..n])));
-    // Those that stay active at all points nearby that are as good, and those that may not.
+    // Strongly active constraints and bounds (positive multiplier), and all active ones.
     let (mut strong, mut all) = (Active::default(), Active::default());
     let mut note = |row: Vec<f64>, is_strong: bool| {
         if is_strong {

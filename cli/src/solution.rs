@@ -4,17 +4,17 @@ use std::fmt::{self, Write};
 
 use crate::nl::Header;
 
-/// What a run found.
+/// The result of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// What the user reads.
+    /// The message for the user.
     pub message: String,
     /// AMPL's `solve_result_num`: 0 to 99 solved, 100 to 199 in doubt, 200 to 299 infeasible, 300 to 399 unbounded, 400 to 499 stopped by a
     /// limit, 500 to 599 failed.
     pub code: u16,
-    /// The variables.
+    /// The values of the variables.
     pub x: Vec<f64>,
-    /// Multipliers of the rows; empty for complementarity problems, which have none.
+    /// The multipliers of the rows; empty for complementarity problems, which have none.
     pub duals: Vec<f64>,
     /// The objective that was used, from 0.
     pub objective: usize,
@@ -37,7 +37,7 @@ impl Solution {
         }
         writeln!(out)?;
         if !header.options.is_empty() {
-            // Readers expect the count to include two more entries where a tolerance follows.
+            // With a tolerance after the options, readers expect a count that is larger by two.
             let count = header.options.len() + if header.tolerance.is_some() { 2 } else { 0 };
             writeln!(out, "Options\n{count}")?;
             for option in &header.options {

@@ -1,4 +1,4 @@
-//! From a model to a solution: which problem it is, how it ended, and what may be said of it.
+//! From a model to a solution: the choice of the problem to solve, the result, and what it proves.
 
 use std::ops::ControlFlow;
 
@@ -16,7 +16,7 @@ use crate::second_order::{SecondOrder, second_order};
 use crate::solution::Solution;
 use crate::square::{Square, SquareError};
 
-/// Why a model cannot be solved by this program. How a solve ended is in the [`Solution`].
+/// Why this program cannot solve a model. The outcome of a solve is in the [`Solution`].
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SolveError {
@@ -28,18 +28,18 @@ pub enum SolveError {
         "{0} constraints are logical; this program solves problems with equations, inequalities and complementarities"
     )]
     Logical(usize),
-    /// An objective that is not there.
+    /// The number of an objective that does not exist.
     #[error("objno={number} is out of range; the problem has {available} objectives")]
     Objective {
-        /// The number asked for.
+        /// The requested number.
         number: usize,
         /// How many there are.
         available: usize,
     },
-    /// No mixed complementarity problem.
+    /// The model is not a mixed complementarity problem.
     #[error(transparent)]
     Square(#[from] SquareError),
-    /// No program with second derivatives.
+    /// Second derivatives of the program are not available.
     #[error(transparent)]
     Program(#[from] NlpError),
     /// The library refused the problem.
@@ -47,14 +47,14 @@ pub enum SolveError {
     Library(#[from] ComplementarityError),
 }
 
-/// Sees each iteration, and may stop the run.
+/// Is called after each iteration, and may stop the run.
 pub type Observer<'a> = dyn FnMut(&McpIteration) -> ControlFlow<()> + 'a;
 
-/// Solves a model: as a mixed complementarity problem where it has complementarities, or as many equations as variables and nothing to
-/// optimise; else by its first-order conditions.
+/// Solves a model: as a mixed complementarity problem if it has complementarities, or as many equations as variables and no objective;
+/// else by its first-order conditions.
 ///
 /// # Errors
-/// A model of another kind.
+/// A model that this program cannot solve.
 pub fn solve(model: &Model, options: &Options, observe: &mut Observer<'_>) -> Result<Solution, SolveError> {
     if model.header.integers > 0 {
         return Err(SolveError::Integers(model.header.integers));
@@ -65,7 +65,7 @@ pub fn solve(model: &Model, options: &Options, observe: &mut Observer<'_>) -> Re
     let available = model.objectives.len();
     let objective = match options.objno.checked_sub(1) {
         Some(index) if index < available => Some(&model.objectives[index]),
-        // 1 is the default, also of a model without any.
+        // 1 is the default, even for a model without objectives.
         None | Some(0) => None,
         Some(_) => {
             return Err(SolveError::Objective {
@@ -115,7 +115,7 @@ fn square(
     let mut report = run(&mut x, false, options)?;
     let mut doubt = Doubt::new(model, &square, &x, &report);
     if report.is_solved() && doubt.any() {
-        // A solution of the problem with the bounds of its conditions alone, if it keeps to the others.
+        // Solve with only the bounds that belong to conditions: a solution counts if it satisfies the other bounds, too.
         let mut y = x.clone();
         let mut rest = options.clone();
         rest.solver.max_time = rest.solver.max_time.map(|all| all.saturating_sub(report.time));
@@ -203,8 +203,8 @@ fn program(
     })
 }
 
-/// Why a quadratic program has no KKT point, where `nearest` asks for the point with the least norm that satisfies its constraints. A
-/// quadratic function that is bounded below on a polyhedron attains its minimum there (Frank and Wolfe 1956), at a KKT point.
+/// Why a quadratic program has no KKT point; `nearest` is the problem of the feasible point of least norm. A quadratic function that is
+/// bounded below on a polyhedron attains its minimum there (Frank and Wolfe 1956), at a KKT point.
 fn without_kkt_point(
     nearest: &AffineFunction,
     bounds: (Vec<f64>, Vec<f64>),
@@ -238,7 +238,7 @@ fn nearest(function: &AffineFunction, n: usize) -> Result<AffineFunction, SolveE
     Ok(AffineFunction::new(matrix, q)?)
 }
 
-/// F = M x + q of a function that is affine, so that the solver knows.
+/// An affine function in the form F = M x + q, which lets the solver use that it is affine.
 fn affine(function: &impl McpFunction) -> Result<AffineFunction, ComplementarityError> {
     let zero = vec![0.0; function.num_vars()];
     let mut q = zero.clone();
@@ -260,7 +260,7 @@ fn run<F: McpFunction>(
     solver.solve_observed(&problem, x, observe).cloned()
 }
 
-/// AMPL's code, and what may be said.
+/// AMPL's code and the message for a result.
 fn verdict(report: &McpReport, what: &str) -> (u16, String) {
     let numbers = format!(
         "residual {:.1e}, error {:.1e}, {} iterations, {} evaluations",
@@ -281,10 +281,10 @@ fn verdict(report: &McpReport, what: &str) -> (u16, String) {
     (code, format!("Not solved: {what}: {}; {numbers}.", report.status))
 }
 
-/// Variables that rest at bounds which do not belong to the condition of their row, although it is not zero there.
+/// Variables at bounds that do not belong to the condition of their row, although the row is not zero there.
 #[derive(Debug, Clone, Default)]
 struct Doubt {
-    /// Variable, row, value there, and how many more, for equations.
+    /// For equations: the first variable, its row, the value of the row, and the number of further ones.
     equation: Option<(String, String, f64, usize)>,
     /// The same for complementarities.
     condition: Option<(String, String, f64, usize)>,
@@ -301,7 +301,7 @@ impl Doubt {
                 RowKind::Complements { lower, upper, .. } => (lower, upper),
                 RowKind::Range { .. } => (false, false),
             };
-            // Where both bounds are one, the sign tells which of them the row leans on.
+            // The sign says which bound is active; needed if both bounds are equal.
             let named = if f[i] > 0.0 { lower } else { upper };
             if *state == BoundState::Interior || named || f[i] == 0.0 {
                 continue;

@@ -1,4 +1,4 @@
-//! Square problems: complementarities, and equations for the variables that none of them names.
+//! Square problems: complementarities, and equations for the variables that no complementarity names.
 
 use std::cell::RefCell;
 
@@ -10,11 +10,11 @@ use crate::graph::Gradient;
 use crate::matching;
 use crate::model::{Model, RowKind};
 
-/// Why a problem is no mixed complementarity problem.
+/// Why a problem is not a mixed complementarity problem.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SquareError {
-    /// Not as many equations as variables that no complementarity names.
+    /// The number of equations differs from the number of variables that no complementarity names.
     #[error(
         "the problem is not square: {variables} variables, {complementarities} complementarities and {equations} equations; \
          each variable needs one of them"
@@ -50,14 +50,14 @@ pub enum SquareError {
     },
 }
 
-/// What stands for one variable.
+/// The component of F that belongs to one variable.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Component {
     /// The row of the file that gives the value, constant + factor · body.
     row: usize,
     constant: f64,
     factor: f64,
-    /// A variable that this body is to be taken without.
+    /// A variable whose term is left out of the body.
     without: Option<u32>,
     /// The row of the file that states the condition.
     stated: usize,
@@ -66,7 +66,7 @@ struct Component {
     upper: bool,
 }
 
-/// A variable that is given by an equation and stands in one complementarity alone, as Pyomo writes them:
+/// A variable that an equation defines and that occurs in one complementarity only, as Pyomo writes them:
 /// variable = (right-hand side − rest of the row) / coefficient.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Eliminated {
@@ -76,7 +76,7 @@ struct Eliminated {
     right: f64,
 }
 
-/// A model as a function F of as many variables as values.
+/// A model as a function F with as many components as variables.
 #[derive(Debug)]
 pub struct Square<'m> {
     model: &'m Model,
@@ -183,7 +183,7 @@ impl<'m> Square<'m> {
         }
     }
 
-    /// Bounds of the components: those of the variables, or, for `stated`, those alone that belong to the conditions.
+    /// Bounds of the components: those of the variables or, with `stated`, only those that belong to the conditions.
     #[must_use]
     pub fn bounds(&self, stated: bool) -> (Vec<f64>, Vec<f64>) {
         let each = self.variables.iter().zip(&self.components);
@@ -197,13 +197,13 @@ impl<'m> Square<'m> {
         .unzip()
     }
 
-    /// The components' values of a vector of all variables.
+    /// The variables of the components, from all variables.
     #[must_use]
     pub fn restrict(&self, all: &[f64]) -> Vec<f64> {
         self.variables.iter().map(|&j| all[j]).collect()
     }
 
-    /// All variables, from the components.
+    /// All variables, from those of the components.
     #[must_use]
     pub fn extend(&self, x: &[f64]) -> Vec<f64> {
         let work = &mut *self.work.borrow_mut();
@@ -232,7 +232,7 @@ impl<'m> Square<'m> {
         !matches!(self.model.rows[stated].kind, RowKind::Complements { .. })
     }
 
-    /// What the problem is.
+    /// The kind of problem, in words.
     #[must_use]
     pub fn what(&self) -> &'static str {
         match (0..self.components.len()).all(|i| self.is_equation(i)) {
@@ -263,7 +263,7 @@ impl<'m> Square<'m> {
     }
 }
 
-/// The value of the nonlinear part of a row, where it is a number.
+/// The value of the nonlinear part of a row, if it is constant.
 fn constant_part(model: &Model, row: usize) -> Option<f64> {
     match &model.rows[row].expression {
         None => Some(0.0),
@@ -271,7 +271,7 @@ fn constant_part(model: &Model, row: usize) -> Option<f64> {
     }
 }
 
-/// Gives each open variable an equation, one in which it stands where that can be had.
+/// Assigns an equation to each variable without one, if possible one that depends on it.
 fn assign(model: &Model, equations: &[usize], open: &[usize], components: &mut [Option<Component>]) {
     let mut place = vec![None; components.len()];
     open.iter().enumerate().for_each(|(k, &j)| place[j] = Some(k));
@@ -296,13 +296,13 @@ fn assign(model: &Model, equations: &[usize], open: &[usize], components: &mut [
     }
 }
 
-/// Looks for complementarities whose body is one variable, free and given by an equation, and puts the equation in its place.
+/// Finds complementarities whose body is a single free variable that an equation defines, and substitutes the equation.
 fn eliminate(
     model: &Model,
     stated: &[Option<usize>],
     components: &mut [Option<Component>],
 ) -> Vec<Eliminated> {
-    // The rows of each variable that stands in one or two.
+    // The rows of each variable that occurs in one or two.
     let mut found: Vec<Vec<usize>> = vec![Vec::new(); stated.len()];
     for (index, row) in model.rows.iter().enumerate() {
         for (j, _) in &row.linear {
@@ -345,7 +345,7 @@ fn eliminate(
     eliminated
 }
 
-/// How an equation gives a variable on which it depends linearly.
+/// An equation solved for a variable on which it depends linearly.
 fn given_by(model: &Model, row: usize, variable: usize, gradient: &mut Gradient) -> Option<Eliminated> {
     let right = model.rows[row].kind.equation()?;
     let listed = model.rows[row].linear.iter();
@@ -409,7 +409,7 @@ impl McpFunction for Square<'_> {
         let n = self.variables.len();
         let rows = self.components.iter().enumerate();
         let entries = rows.flat_map(|(i, c)| self.linear(c).map(move |(k, _)| (i, k)));
-        // Rows and columns are numbers below n.
+        // Row and column indices are below n.
         Pattern::from_entries(n, n, entries).unwrap_or_else(|_| Pattern::full(n, n))
     }
 

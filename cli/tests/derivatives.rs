@@ -1,5 +1,4 @@
-//! Gradients and Hessians of random expressions against differences, and the expressions against an evaluation that follows the
-//! nesting of the formula.
+//! Gradients and Hessians of random expressions compared with differences, and their values with a recursive evaluation of the formula.
 
 mod common;
 
@@ -27,7 +26,7 @@ enum Tree {
     If(Box<Tree>, Box<Tree>, Box<Tree>),
 }
 
-/// Smooth wherever their operand lies, so that every tree can be differentiated everywhere.
+/// Codes of operators that are smooth on ℝ, so that every tree is differentiable everywhere.
 const ONE: [usize; 7] = [16, 41, 46, 37, 49, 50, 79];
 
 fn tree(references: usize) -> impl Strategy<Value = Tree> {
@@ -45,7 +44,7 @@ fn tree(references: usize) -> impl Strategy<Value = Tree> {
             1 => (boxed(), boxed()).prop_map(|(a, b)| Tree::Two(5, away(a), b)),
             1 => (boxed(), prop_oneof![Just(2.0), Just(3.0)]).prop_map(|(a, p)| Tree::Two(5, a, Box::new(Tree::Number(p)))),
             1 => proptest::collection::vec(inner.clone(), 3..5).prop_map(Tree::Sum),
-            // A branch that does not change with the variables' small moves: 1 < 2 and the like.
+            // A condition between constants, so that the branch does not depend on the variables.
             1 => (any::<bool>(), boxed(), boxed()).prop_map(|(first, a, b)| {
                 let test = Tree::Two(22, Box::new(Tree::Number(f64::from(u8::from(!first)))), Box::new(Tree::Number(0.5)));
                 Tree::If(Box::new(test), a, b)
@@ -87,7 +86,7 @@ impl Tree {
         }
     }
 
-    /// The value; NaN where a part of it is so large that functions of it say little.
+    /// The value; NaN if an intermediate value is so large that functions of it are inaccurate.
     fn value(&self, x: &[f64]) -> f64 {
         let value = match self {
             Self::Number(x) => *x,
@@ -202,12 +201,12 @@ fn moderate(values: &[f64]) -> bool {
     values.iter().all(|v| v.is_finite() && v.abs() < 1e4)
 }
 
-/// Compares with central differences of two steps, whose distance tells their error.
+/// Compares with central differences of two step sizes, whose distance estimates their error.
 fn near(found: f64, coarse: f64, fine: f64, scale: f64) -> bool {
     (found - fine).abs() <= 2.0 * (coarse - fine).abs() + 1e-6 * scale
 }
 
-/// Compares the Jacobian of a function with differences of its values, where these are smooth enough to be compared.
+/// Compares the Jacobian of a function with differences of its values, where the differences are accurate enough.
 fn compare(function: &impl McpFunction, x: &[f64]) -> Result<(), TestCaseError> {
     let n = function.num_vars();
     let mut jac = Matrix::zeros(function.pattern());
@@ -304,7 +303,7 @@ proptest! {
         terms.iter().for_each(|(e, _)| { graph.evaluate(e, &mut values); });
         let mut hessian = Hessian::new(graph);
         let pattern = hessian.pattern(graph, terms.iter().map(|(e, _)| *e), 1000).unwrap();
-        // Twice, so that the buffers are seen to be empty in between.
+        // Twice, to check that the buffers are reset.
         for _ in 0..2 {
             let mut found = [[0.0; VARIABLES]; VARIABLES];
             let mut stray = false;
@@ -325,7 +324,7 @@ proptest! {
 
     #[test]
     fn first_order_conditions_have_the_derivatives_of_their_values(f in formulas(), z in proptest::collection::vec(-1.2..1.2_f64, VARIABLES + 2)) {
-        // Two of the rows are complementarities, which a program does not look at.
+        // Two of the rows are complementarities, which a program ignores.
         let model = model_of(&f);
         let nlp = Nlp::new(&model, &model.objectives[0]).unwrap();
         prop_assert_eq!(nlp.num_constraints(), 2);

@@ -1,4 +1,4 @@
-//! What reading a file takes: a multiple of its size, whatever it announces.
+//! Memory for reading a file: a multiple of its size, whatever counts the file announces.
 
 mod common;
 
@@ -10,7 +10,7 @@ use std::alloc::System;
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// Bytes allocated in all while a file is read, for each of its bytes.
+/// Total bytes allocated while a file is read, per byte of the file.
 fn factor(bytes: &[u8]) -> f64 {
     let region = Region::new(ALLOCATOR);
     let _ = read(bytes);
@@ -18,7 +18,7 @@ fn factor(bytes: &[u8]) -> f64 {
     stats.bytes_allocated as f64 / bytes.len() as f64
 }
 
-/// One test, as all allocations of the process are counted.
+/// A single test, since all allocations of the process are counted.
 #[test]
 fn memory_is_a_multiple_of_the_bytes_read() {
     let n = 20_000;
@@ -28,7 +28,7 @@ fn memory_is_a_multiple_of_the_bytes_read() {
         format!("g3 1 1 0\n 1 0 {n}\n"),
     ];
     let mut files: Vec<Vec<u8>> = Vec::new();
-    // Counts that the rest of the file could hold, and then nothing of them.
+    // Announced counts that the rest of the file could hold, followed by other content.
     for head in announced {
         let head = head + " 0 0\n 0 0\n 0 0 0\n 0 0 0 1\n 0 0 0 0 0\n 0 0\n 0 0\n 0 0 0 0 0\n";
         files.push((head.clone() + &"#".repeat(n)).into_bytes());

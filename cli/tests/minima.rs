@@ -1,4 +1,4 @@
-//! What is said of KKT points: minimum, none, or not decided.
+//! Classification of KKT points: minimum, no minimum, or undecided.
 
 mod common;
 
@@ -12,7 +12,7 @@ use std::ops::ControlFlow;
 const SQUARE_X: &str = "o5\nv0\nn2\n";
 const SQUARE_Y: &str = "o5\nv1\nn2\n";
 
-/// The text of a problem: an objective of x and y with bounds and the constraint x + y in the interval that `row` tells.
+/// The text of a problem: an objective of x and y with bounds, and the constraint that x + y lies in the interval `row`.
 fn problem(objective: &str, linear: [f64; 2], maximize: bool, bounds: [&str; 2], row: &str) -> String {
     header([2, 1, 1, 0, 2, 2, 0])
         + &format!("C0\nn0\nO0 {}\n{objective}", i32::from(maximize))
@@ -25,7 +25,7 @@ fn solution_of(text: &str) -> Solution {
     solve(&model, &Options::default(), &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
-/// What is said of the KKT point that is found from (0, 0).
+/// The classification of the KKT point that is found from (0, 0).
 fn word(objective: &str, linear: [f64; 2], maximize: bool, bounds: [&str; 2], row: &str) -> String {
     let solution = solution_of(&problem(objective, linear, maximize, bounds, row));
     assert_eq!(solution.code, 0, "{}", solution.message);
@@ -50,7 +50,7 @@ fn minima_are_told_from_saddles_and_from_what_second_derivatives_leave_open() {
         (&saddle, zero, free, "3", none),
         (&cup, zero, free, "3", open),
         (flat, zero, free, "3", open),
-        // The bound of y holds it, and moving away costs; without cost it is open; a fixed y leaves x alone.
+        // The bound of y is strongly active; weakly active; y is fixed.
         (&saddle, [0.0, 1.0], ["3", "2 0"], "3", strict),
         (&saddle, zero, ["3", "2 0"], "3", open),
         (&saddle, zero, ["3", "4 0"], "3", strict),

@@ -6,7 +6,7 @@ use common::{header, to_binary};
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-/// A folder of its own for each test.
+/// A separate folder for each test.
 fn folder(name: &str) -> PathBuf {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = std::fs::remove_dir_all(&path);
@@ -227,7 +227,7 @@ fn limits_and_proofs_have_their_codes() {
     let folder = folder("codes");
     let path = folder.join("a.nl");
     let argument = path.display().to_string();
-    // x ⟂ −1 has no solution; the limits are met by the root of two.
+    // x ⟂ −1 has no solution; the limits are tested with the problem for √2.
     let nothing = root().replace("o0\no5\nv0\nn2\nn-2", "n-1");
     for (content, option, code) in [
         (root(), "max_iter=1", 400),

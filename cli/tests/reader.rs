@@ -1,4 +1,4 @@
-//! Files that are read, in both forms, and files that are refused, each with its place.
+//! Valid files in both forms, and invalid files with the place of the fault.
 
 mod common;
 
@@ -9,8 +9,8 @@ use semismooth_cli::options::Options;
 use semismooth_cli::solve::solve;
 use std::ops::ControlFlow;
 
-/// Every segment: two complementarities, an equation with a defined variable, a free row, two objectives, suffixes, a function
-/// that nobody calls.
+/// A file with every segment: two complementarities, an equation with a defined variable, a free row, two objectives, suffixes, a function
+/// that is not called.
 fn everything() -> String {
     header([4, 4, 2, 1, 9, 2, 2])
         + "F0 0 1 spline\t# never called\n\
@@ -115,7 +115,7 @@ fn both_forms_give_the_same_solution_to_the_last_bit() {
     assert_eq!(found[0], found[2]);
 }
 
-/// A small file, and what happens to it where one line is another one.
+/// A small file, in which the tests replace one line.
 const SMALL: &str = "g3 1 1 0\n 2 2 1 1 1 0\n 1 0 1 0 0 0\n 0 0\n 1 0 0\n 0 1 0 1\n 0 0 0 0 0\n 4 1\n 0 0\n 1 0 0 0 0\n\
     F0 0 2 hypot\nV2 1 0\n0 2\no41\nv1\nC0\no2\nv0\nv2\nC1\nn0\nO0 0\nn1\nd1\n0 1\nx1\n1 2\nr\n5 1 1\n4 3\nb\n2 0\n3\nk1\n2\n\
     J0 2\n0 0\n1 0\nJ1 2\n0 1\n1 1\nG0 1\n1 1\n";
@@ -123,7 +123,7 @@ const SMALL: &str = "g3 1 1 0\n 2 2 1 1 1 0\n 1 0 1 0 0 0\n 0 0\n 1 0 0\n 0 1 0 
 #[test]
 fn malformed_files_are_refused_with_their_line() {
     assert!(read(SMALL.as_bytes()).is_ok());
-    // Text of a line, what stands there instead, the line of the error, what it says.
+    // A line, its replacement, the line of the error, its message.
     let table = [
         ("g3 1 1 0", "z3 1 1 0", 1, "expected g"),
         ("g3 1 1 0", "g12 1 1 0", 1, "number of options 12"),
@@ -284,7 +284,7 @@ fn malformed_files_are_refused_with_their_line() {
             "{line:?} → {other:?}: {error}"
         );
     }
-    // One entry less, as the header announces, but the row has it.
+    // The header announces one entry less than the row has.
     let unlisted = SMALL
         .replace(" 4 1\n", " 3 1\n")
         .replace("k1\n2\nJ0 2\n0 0\n1 0\n", "J0 1\n0 0\n");
@@ -324,10 +324,10 @@ fn binary_files_are_refused_with_their_byte() {
     assert_eq!(read(&bytes).unwrap_err().at, Position::Byte(operator + 1));
     bytes[operator] = b'!';
     assert_eq!(read(&bytes).unwrap_err().at, Position::Byte(operator));
-    // Numbers of a VAX.
+    // Floating-point numbers in VAX format.
     let text = String::from_utf8_lossy(&good[..120]).replacen(" 1 1 1\n", " 1 4 1\n", 1);
     assert!(read(text.replace("0 1 1 1", "0 1 4 1").as_bytes()).is_err());
-    // Files cut short end in an error, never in a model of half a file that claims to be whole.
+    // Truncated files give an error, never an incomplete model.
     for end in 0..good.len() {
         let error = read(&good[..end]).expect_err("a part of the file");
         assert!(matches!(error.at, Position::Byte(b) if b <= end) || matches!(error.at, Position::Line(_)));
@@ -400,7 +400,7 @@ fn mutated_files_are_read_or_refused_and_solved_or_refused() {
 #[test]
 fn expressions_of_any_depth_are_read_evaluated_and_differentiated() {
     let depth = 300_000;
-    // sin(sin(… x)) and ((x + x) + x) …, each a chain of its own.
+    // sin(sin(… x)) and ((x + x) + x) …, two separate chains.
     let mut text = header([2, 2, 1, 0, 2, 2, 0]) + "C0\n";
     text.push_str(&"o41\n".repeat(depth));
     text.push_str("v0\nC1\n");

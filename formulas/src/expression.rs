@@ -31,7 +31,7 @@ pub(crate) enum Expression {
     Number(f64),
     Negative(Box<Expression>),
     Two(Operator, Box<Expression>, Box<Expression>),
-    /// With a whole or another number as exponent.
+    /// A power with an integer or another constant exponent.
     Whole(Box<Expression>, i32),
     Power(Box<Expression>, f64),
     Of(Smooth, Box<Expression>),

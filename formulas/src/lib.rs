@@ -1,5 +1,5 @@
-//! Equations as people type them: sums, products, powers, smooth functions, and `max`, `min`, `abs` as kinks. The page in the browser and the
-//! program on the command line read the same.
+//! Equations as people type them: sums, products, powers, smooth functions, and `max`, `min`, `abs` for kinks. The page in the browser and
+//! the program on the command line use the same parser.
 //!
 //! ```
 //! use semismooth::piecewise::{PiecewiseSmooth, Traced, value};
@@ -23,18 +23,18 @@ use semismooth::piecewise::{Kinks, NonsmoothFunction, Real};
 use parser::{Equation, read};
 pub use parser::{Mistake, Site};
 
-/// What is wrong with one of several equations.
+/// A mistake in one of several equations.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{mistake}")]
 pub struct WrongEquation {
-    /// Which one, from 0.
+    /// Number of the equation, from 0.
     pub equation: usize,
     /// What is wrong, and where.
     #[source]
     pub mistake: Mistake,
 }
 
-/// Equations in variables, of which the last may be a parameter: each is `formula`, which shall vanish, or `left = right`.
+/// Equations in variables, of which the last may be a parameter: each is `formula`, meaning formula = 0, or `left = right`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Formulas {
     variables: usize,

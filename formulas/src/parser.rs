@@ -2,9 +2,9 @@
 
 use crate::expression::{Expression, Operator, Smooth};
 
-/// Characters in an equation.
+/// Largest number of characters in an equation.
 const LONGEST: usize = 400;
-/// Parentheses, signs and powers within each other.
+/// Largest depth of nested parentheses, signs and powers.
 const DEEPEST: usize = 40;
 
 /// What is wrong with a formula, and where: the characters from `from` to before `to` in UTF-16, as browsers count them.
@@ -13,16 +13,16 @@ const DEEPEST: usize = 40;
 pub struct Mistake {
     /// What is wrong.
     pub message: String,
-    /// The first character it is about.
+    /// The first character of the mistake.
     pub from: usize,
-    /// The one behind the last.
+    /// The character after its last.
     pub to: usize,
 }
 
-/// A place where a formula switches, in the words of the formula.
+/// A site of a formula, as text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Site {
-    /// The pieces, in the order of the library's.
+    /// The pieces, in the order of the library.
     pub pieces: [String; 2],
 }
 
@@ -179,7 +179,7 @@ struct Reader<'a> {
     tokens: Vec<Token>,
     next: usize,
     depth: usize,
-    /// Where the text ends.
+    /// The position after the last character.
     end: usize,
     variables: &'a [(&'a str, usize)],
     sites: Vec<Site>,
@@ -198,7 +198,7 @@ impl Reader<'_> {
         found
     }
 
-    /// The text of what was read since a token.
+    /// The text read since a token.
     fn words(&self, since: usize) -> String {
         let mut words = String::new();
         for t in &self.tokens[since..self.next] {
@@ -246,7 +246,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Everything that can stand in itself passes here.
+    /// All recursion goes through here, where its depth is limited.
     fn signed(&mut self) -> Result<Expression, Mistake> {
         self.depth += 1;
         if self.depth > DEEPEST {
@@ -345,7 +345,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The arguments of a function, with their words.
+    /// The arguments of a function, with their text.
     fn arguments(&mut self, function: &Token) -> Result<(Vec<Expression>, Vec<String>), Mistake> {
         let Some(opened) = self.peek().filter(|t| t.text == "(").cloned() else {
             return Err(function.mistake(format!("{} needs its arguments in parentheses", function.text)));
@@ -395,7 +395,7 @@ impl Reader<'_> {
     }
 }
 
-/// The value of an expression of numbers alone, as exponents are.
+/// The value of a constant expression; exponents must be constant.
 fn number(expression: &Expression) -> Option<f64> {
     match expression {
         Expression::Number(v) => Some(*v),

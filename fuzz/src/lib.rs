@@ -1,4 +1,4 @@
-//! The invariants that the tests of the crate hold, for the targets.
+//! The invariants of the fuzz targets, shared with the tests of the crate.
 
 #[path = "../../tests/fuzzed/oracles.rs"]
 mod oracles;

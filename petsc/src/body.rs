@@ -12,12 +12,12 @@ use crate::stiffness::Stiffness;
 use crate::world::{Error, World};
 
 type Frame = [[f64; 3]; 3];
-/// Vectors of Newton's method, of products and of the levels of multigrid, in vectors of displacements.
+/// Memory of Newton's method, of products and of the levels of multigrid, in vectors of displacements.
 const OTHER_VECTORS: u64 = 20;
 
 pub(crate) type Boxed = Box<dyn StdError + Send + Sync>;
 
-/// What can be wrong with bodies.
+/// Errors of a [`DistributedBody`].
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum BodyError {
@@ -32,22 +32,22 @@ pub enum BodyError {
     /// No process has contact nodes.
     #[error("there are no contact nodes")]
     NoContact,
-    /// Fewer equations are independent than rigid motions: nothing holds the body.
+    /// The supports do not exclude all rigid motions.
     #[error("the supports leave rigid motions of the body free")]
     Floating,
-    /// More unknowns than PETSc's integers count.
+    /// More unknowns than `PetscInt` can count.
     #[error("{unknowns} unknowns are more than this PETSc can number: it needs 64-bit indices")]
     TooLarge {
         /// Number of unknowns.
         unknowns: usize,
     },
-    /// A Schur complement that does not do what it should.
+    /// An inaccurate Schur complement: S times the displacements under contact forces does not reproduce these.
     #[error("the Schur complement from MUMPS gives forces back with an error of {error}")]
     Schur {
-        /// Against the largest force.
+        /// Largest error, relative to the largest force.
         error: f64,
     },
-    /// Contact nodes along whose frame the stiffness is not positive.
+    /// The mean stiffness of the contact nodes is not positive.
     #[error("the stiffness of the contact nodes is not positive: {mean} in the mean")]
     NotPositive {
         /// Mean diagonal entry.
@@ -55,10 +55,11 @@ pub enum BodyError {
     },
 }
 
-/// An elastic body with contact nodes, spread over all processes: what a [`ReducedBody`](semismooth::contact::ReducedBody) is in one.
+/// An elastic body with contact nodes, distributed over all processes; the counterpart of a
+/// [`ReducedBody`](semismooth::contact::ReducedBody) on one process.
 ///
 /// Each process has the rows of the stiffness matrix of the nodes that it owns, in PETSc's format `aij`, and the rigid motions at them.
-/// Contact nodes are numbered process by process; [`contacts`](Self::contacts) says where those of this process are.
+/// Contact nodes are numbered process by process; [`contacts`](Self::contacts) lists those of this process.
 #[derive(Debug)]
 pub struct DistributedBody<'w> {
     pub(crate) world: &'w World,
@@ -68,7 +69,7 @@ pub struct DistributedBody<'w> {
     /// Components of the nodes with equations of this process.
     pub(crate) len: usize,
     pub(crate) stiffness: Stiffness<'w>,
-    /// Stored entries of it in this process.
+    /// Stored entries of the stiffness matrix on this process.
     entries: u64,
     /// Mean stiffness of single contact nodes, over all directions and processes.
     pub(crate) node_stiffness: f64,
@@ -79,11 +80,11 @@ pub struct DistributedBody<'w> {
     num_contacts: usize,
     num_displacements: usize,
     contacts: Vec<usize>,
-    /// Numbers of the nodes with equations that other processes own and this one has in its mesh.
+    /// Numbers of the nodes with equations in the mesh of this part that other processes own.
     others: Vec<Int>,
-    /// Frames of contact nodes, with the first component of each, those of others after the own ones.
+    /// First component and frame of each contact node, first those that this process owns.
     frames: Vec<(usize, Frame)>,
-    /// Component of each free displacement of the part, those of others after the own ones.
+    /// Component of each free displacement of the part; components at nodes of other processes follow the own ones.
     places: Vec<u32>,
 }
 
@@ -91,7 +92,7 @@ impl<'w> DistributedBody<'w> {
     /// A body from the systems of all parts and their contact nodes.
     ///
     /// # Errors
-    /// Systems on other meshes than the parts', no contact nodes, supports that leave rigid motions, more unknowns than PETSc can
+    /// Systems on meshes other than those of the parts, no contact nodes, supports that leave rigid motions, more unknowns than PETSc can
     /// number.
     pub fn new(
         world: &'w World,
@@ -156,7 +157,7 @@ impl<'w> DistributedBody<'w> {
         matrix.set_near_kernel(dim, num_modes, &modes)?;
         drop(modes);
         let stiffness = Stiffness::new(world, matrix, dim * numbering.first, near)?;
-        // What no process solves for, at nodes that have supports this part does not know of: nowhere.
+        // A dof that is free on this part but prescribed on the owner, whose supports this part does not have, keeps no component.
         let mut places = vec![u32::MAX; system.num_free()];
         for (k, node) in nodes.iter().chain(&numbering.others).enumerate() {
             for d in 0..dim {
@@ -213,21 +214,21 @@ impl<'w> DistributedBody<'w> {
         &self.contacts
     }
 
-    /// Number of the first contact node of this process among those of all, as laws see it.
+    /// Number of the first contact node of this process among those of all processes: laws number nodes in this way.
     #[must_use]
     pub fn first_contact(&self) -> usize {
         self.first_contact
     }
 
-    /// 2 or 3.
+    /// The dimension, 2 or 3.
     #[must_use]
     pub fn dim(&self) -> usize {
         self.dim
     }
 
-    /// Bytes that a [`DistributedContact`](crate::DistributedContact) takes in this process beside the body with GMRES and GAMG, by an estimate made
-    /// before they are allocated: what multigrid needs while it is set up, more where processes share the matrix (measured on one
-    /// and two), and the vectors of GMRES. Other solvers, chosen by options of PETSc, need what they need. Not collective.
+    /// Estimate of the bytes that a [`DistributedContact`](crate::DistributedContact) with GMRES and GAMG needs on this process in addition
+    /// to the body: multigrid during its setup, more on several processes than on one (measured on one and two), and the vectors of GMRES.
+    /// Other solvers, chosen by options of PETSc, are not accounted for. Not collective.
     #[must_use]
     pub fn memory(&self, options: &ReducedOptions) -> u64 {
         let matrix = self
@@ -250,7 +251,7 @@ impl<'w> DistributedBody<'w> {
         }
     }
 
-    /// From free displacements (or forces) of the part to the components of this process, those of contact nodes along their frames.
+    /// From free displacements (or forces) of the part to the components of this process, at contact nodes in the local frame.
     pub(crate) fn turned(&self, free: &[f64]) -> Vec<f64> {
         let mut own = vec![0.0; self.len];
         for (place, v) in self.places.iter().zip(free) {
@@ -268,7 +269,7 @@ impl<'w> DistributedBody<'w> {
         own
     }
 
-    /// The way back; what other processes own is asked for.
+    /// The inverse of [`turned`](Self::turned); values at nodes of other processes are fetched.
     pub(crate) fn free(&self, own: &[f64]) -> Result<Vec<f64>, Error> {
         let fetched = self.world.fetch(self.dim, own, &self.others);
         let mut all = own.to_vec();
@@ -289,8 +290,8 @@ fn padded(v: &[f64]) -> [f64; 3] {
     std::array::from_fn(|d| v.get(d).copied().unwrap_or(0.0))
 }
 
-/// The stiffness matrix, its stored entries in this process, and its rows here at contact nodes and their neighbours, with which are of the
-/// former.
+/// The stiffness matrix, its stored entries on this process, and the rows of this process at contact nodes (`true`) and their neighbours
+/// (`false`).
 struct Rows<'w> {
     matrix: Matrix<'w>,
     entries: u64,
@@ -301,10 +302,10 @@ struct Rows<'w> {
 struct Numbering {
     dim: usize,
     first: usize,
-    /// Of this process, and of others: nodes of the part's mesh.
+    /// Nodes of the part's mesh, those of this process and those of others.
     nodes: Vec<usize>,
     others: Vec<usize>,
-    /// Of each node of the mesh, −1 where there are none.
+    /// Number of each node of the mesh, −1 if it has no equations.
     number: Vec<Int>,
     /// ν, t₁, t₂ at contact nodes of this process and of others.
     frames: HashMap<usize, Frame>,
@@ -312,7 +313,7 @@ struct Numbering {
 
 impl Numbering {
     fn new(world: &World, part: &Part, system: &ElasticSystem, rows: &ContactRows) -> Result<Self, Boxed> {
-        /// Number, whether there is a frame, frame.
+        /// Entries per node: its number, whether it has a frame, the frame.
         const WIDTH: usize = 11;
         let dim = part.mesh().dim();
         let is_free = |n: &usize| (0..dim).any(|d| system.dof(*n, d).is_some());
@@ -361,7 +362,7 @@ impl Numbering {
         })
     }
 
-    /// Place of a node of the mesh among those of this process.
+    /// Index of a node of the mesh among the nodes with equations of this process.
     fn own(&self, node: usize) -> Option<usize> {
         let k = usize::try_from(self.number[node]).ok()?.checked_sub(self.first)?;
         (k < self.nodes.len()).then_some(k)
@@ -380,7 +381,7 @@ impl Numbering {
         }
     }
 
-    /// The rows of the stiffness matrix of this process; components that are prescribed have `diagonal` alone.
+    /// The rows of the stiffness matrix of this process; rows of prescribed components have only the entry `diagonal`.
     fn stiffness<'w>(
         &self,
         world: &'w World,
@@ -466,7 +467,7 @@ impl Numbering {
         })
     }
 
-    /// Rigid motions at the components of this process, one vector after another, and how many; 0 where components are prescribed.
+    /// Rigid motions at the components of this process, one vector after another, and their number; 0 at prescribed components.
     fn rigid_modes(
         &self,
         world: &World,
@@ -494,7 +495,7 @@ impl Numbering {
             }
         };
         let count = if dim == 2 { 3 } else { 6 };
-        // What the supports say of rigid motions: they must tell all of them apart.
+        // The Gram matrix of the rigid motions at the prescribed components must be definite.
         let mut gram = [0.0; 36];
         for &node in part.own() {
             let m = modes(node);
@@ -526,7 +527,7 @@ impl Numbering {
     }
 }
 
-/// By elimination; m is spoiled.
+/// Whether m is positive definite, by elimination; m is overwritten.
 fn is_definite(m: &mut [f64], n: usize) -> bool {
     let scale = (0..n).map(|i| m[n * i + i]).fold(0.0, f64::max);
     for k in 0..n {

@@ -1,4 +1,4 @@
-//! Bodies seen from their contact nodes, for the condensed form in one process.
+//! Bodies condensed onto their contact nodes, for the condensed form on one process.
 
 use semismooth::contact::{ContactBody, ContactError};
 use semismooth::interface::LoadPath;
@@ -11,14 +11,14 @@ use crate::handles::{Solver, Vector};
 use crate::system::{SolverError, krylov};
 use crate::world::{Error, PetscError};
 
-/// A [`DistributedBody`] without its inner displacements: the Schur complement S of its stiffness matrix on the contact nodes, from a
-/// Cholesky factorisation by MUMPS on all processes, which process 0 holds as a dense matrix. The factors are not kept; loads come down to
-/// the contact nodes, and displacements back, by the linear solver that options of PETSc choose (to 1e-12).
+/// A [`DistributedBody`] without its inner displacements: the Schur complement S of its stiffness matrix on the contact nodes, a dense
+/// matrix on process 0, from a Cholesky factorisation by MUMPS on all processes. The factors are freed; loads are condensed onto the
+/// contact nodes, and displacements recovered, by the linear solver that options of PETSc choose (to 1e-12).
 ///
-/// What is left is a body of the contact nodes alone, with S for its stiffness and the same contact forces. On process 0
-/// [`CondensedContact`](semismooth::contact::CondensedContact) takes it, and so paths, diagrams and enumeration run on bodies whose factors
-/// no single process could hold. Contact nodes are numbered as laws of the distributed body see them, process by process; the displacements
-/// of a node are those along ν, t₁[, t₂].
+/// The condensed body consists of the contact nodes, with stiffness S and the same contact forces. On process 0 it serves as input of
+/// [`CondensedContact`](semismooth::contact::CondensedContact), so that paths, diagrams and enumeration can be computed for bodies whose
+/// factors no single process could store. Contact nodes are numbered process by process, as for laws of the distributed body; the
+/// displacements of a node are those along ν, t₁[, t₂].
 ///
 /// ```no_run
 /// use semismooth::contact::{CondensedContact, OrthotropicCoulomb};
@@ -43,28 +43,28 @@ use crate::world::{Error, PetscError};
 pub struct CondensedBody<'b, 'w> {
     body: &'b DistributedBody<'w>,
     solver: Solver<'w>,
-    /// On process 0: S, row by row, the components of a node together; gaps; numbers of the contact nodes of each process.
+    /// On process 0: S, row by row, with the components of a node together; gaps; the number of contact nodes on each process.
     schur: Vec<f64>,
     gap: Vec<f64>,
     counts: Vec<usize>,
 }
 
-/// Relative residual to which displacements are solved for, where it counts as reached, and the most iterations.
+/// Relative residual requested for displacements, largest one that is accepted, and largest number of iterations.
 const EXACT: f64 = 1e-13;
 const REACHED: f64 = 1e-12;
 const ITERATIONS: usize = 1000;
 const DIRECTIONS: usize = 30;
-/// Error of a force that comes down to its own node.
+/// Largest relative error of contact forces condensed onto the contact nodes, which should remain unchanged.
 const TRUSTED: f64 = 1e-7;
-/// Copies of a dense matrix that process 0 holds at once while the condensed form is made: S here and in MUMPS, S as sparse matrix, its factor.
+/// Dense matrices that process 0 stores at the same time during condensation: S here and in MUMPS, S as sparse matrix, its factor.
 const COPIES: u64 = 6;
 
 impl<'w> DistributedBody<'w> {
-    /// Factors the stiffness matrix of all but the contact nodes by MUMPS. `max_memory`, in bytes, is held against what process 0 needs
-    /// for dense matrices, before they are allocated; the factor itself, on all processes, is MUMPS's affair. Collective.
+    /// Eliminates all but the contact nodes, by MUMPS. `max_memory`, in bytes, limits the dense matrices on process 0 and is checked before
+    /// they are allocated; it does not limit the factor, which MUMPS allocates on all processes. Collective.
     ///
     /// # Errors
-    /// Dense matrices beyond `max_memory` or beyond `PetscInt`, a PETSc without MUMPS, what MUMPS says of memory.
+    /// Dense matrices beyond `max_memory` or beyond `PetscInt`, a PETSc without MUMPS, a failed allocation in MUMPS.
     pub fn condense(&self, max_memory: Option<u64>) -> Result<CondensedBody<'_, 'w>, Error> {
         let world = self.world;
         let q = self.dim * self.num_contacts();
@@ -116,7 +116,7 @@ impl CondensedBody<'_, '_> {
     /// as in [`solve`](crate::DistributedContact::solve); `None` elsewhere. Collective.
     ///
     /// # Errors
-    /// Loads of the wrong length, what PETSc says.
+    /// Loads of the wrong length, errors of PETSc.
     pub fn contact_body(&mut self, constant: &[f64], slope: &[f64]) -> Result<Option<ContactBody>, Error> {
         let loads = [self.reduced(constant)?, self.reduced(slope)?];
         let body = match self.body.world.rank() {
@@ -126,7 +126,7 @@ impl CondensedBody<'_, '_> {
         self.body.world.agree(body)
     }
 
-    /// On process 0 the forces on the contact nodes to which a load comes down: S times the displacements that it causes there.
+    /// On process 0 the load condensed onto the contact nodes: S times the displacements that it causes there.
     fn reduced(&mut self, load: &[f64]) -> Result<Vec<f64>, Error> {
         let (body, world) = (self.body, self.body.world);
         world.agree(body.check_length("the load", load))?;
@@ -142,7 +142,7 @@ impl CondensedBody<'_, '_> {
             .collect())
     }
 
-    /// On process 0 the components of all contact nodes.
+    /// On process 0 the components of a vector at all contact nodes.
     fn at_contacts(&self, v: &[f64]) -> Result<Vec<f64>, PetscError> {
         let own = self
             .body
@@ -154,7 +154,7 @@ impl CondensedBody<'_, '_> {
         Ok(all.into_iter().map(f64::from_bits).collect())
     }
 
-    /// That forces on the contact nodes come down to themselves: libraries differ in what they hand out of S.
+    /// Checks that condensation leaves forces on the contact nodes unchanged: libraries differ in the form in which they return S.
     fn verify(&mut self) -> Result<(), Boxed> {
         let mut forces = vec![0.0; self.body.len];
         for (k, c) in self.body.components.iter().enumerate() {
@@ -181,11 +181,11 @@ impl CondensedBody<'_, '_> {
         ContactBody::new(Sparse::from_rows(&rows)?, trace(0)?, tangential, load)?.with_gap(self.gap.clone())
     }
 
-    /// The free displacements of each part under a load of the part and contact forces, which process 0 gives: λν of all nodes, then λt₁, in
-    /// space then λt₂; what the others give is not looked at. Collective.
+    /// The free displacements of each part under a load of the part and contact forces. The forces are those on process 0: λν of all nodes,
+    /// then λt₁, in space then λt₂; `forces` on other processes is ignored. Collective.
     ///
     /// # Errors
-    /// Lists of the wrong length, what PETSc says.
+    /// Lists of the wrong length, errors of PETSc.
     pub fn displacements(&mut self, load: &[f64], forces: &[f64]) -> Result<Vec<f64>, Error> {
         let (body, world) = (self.body, self.body.world);
         let p = body.num_contacts();
@@ -216,7 +216,7 @@ impl CondensedBody<'_, '_> {
         body.free(&u)
     }
 
-    /// A⁻¹ f, all components of this process.
+    /// A⁻¹ f, at all components of this process.
     fn solve(&mut self, f: &[f64]) -> Result<Vec<f64>, Boxed> {
         let body = self.body;
         let mut b = Vector::new(body.world, body.len, body.dim)?;
@@ -225,7 +225,7 @@ impl CondensedBody<'_, '_> {
         let solved = self.solver.solve(&b, &mut x, EXACT, ITERATIONS)?;
         let mut size = [f.iter().map(|f| f * f).sum::<f64>()];
         body.world.add(&mut size)?;
-        // Not a number is not reached either.
+        // False for NaN, too.
         let reached = solved.residual <= REACHED * size[0].sqrt();
         if solved.reason < 0 || !reached {
             return Err(SolverError::Diverged {

@@ -8,16 +8,16 @@ use crate::body::Boxed;
 use crate::system::System;
 use crate::world::{Error, World};
 
-/// The augmentation parameter against the stiffness of single contact nodes, as in one process.
+/// The augmentation parameter r over the mean stiffness of single contact nodes, as on one process.
 const GIVING_WAY: f64 = 0.25;
 
 /// A [`DistributedBody`] under a [`NodeLaw`], solved by semismooth Newton in the displacements alone, like
-/// [`ReducedContact`](semismooth::contact::ReducedContact), with the same laws, options and reports; but for
-/// `max_condensed`, of which there is nothing here; `max_memory` is what each process may take.
+/// [`ReducedContact`](semismooth::contact::ReducedContact), with the same laws, options and reports. The option `max_condensed` has no
+/// effect here; `max_memory` is the limit for each process.
 ///
-/// Displacements are those of each part, as its [`ElasticSystem`](semismooth::fem::ElasticSystem) numbers them, at nodes of other processes
-/// too: [`ElasticSystem::displacements`](semismooth::fem::ElasticSystem::displacements), stresses and files take them as they are. Forces are those of the
-/// contact nodes of the process.
+/// Displacements are those of each part, as its [`ElasticSystem`](semismooth::fem::ElasticSystem) numbers them, including those at nodes of
+/// other processes: [`ElasticSystem::displacements`](semismooth::fem::ElasticSystem::displacements), stresses and output accept them
+/// unchanged. Forces are those of the contact nodes of the process.
 #[derive(Debug)]
 pub struct DistributedContact<'w, L> {
     system: System<'w>,
@@ -29,11 +29,11 @@ pub struct DistributedContact<'w, L> {
 }
 
 impl<'w, L: NodeLaw> DistributedContact<'w, L> {
-    /// The problem.
+    /// The contact problem of a body and a law.
     ///
     /// # Errors
-    /// Options out of range, a law of another dimension or for another number of nodes, [`ContactError::Memory`] where
-    /// [`DistributedBody::memory`] is above the limit in a process, before anything is allocated; what PETSc says.
+    /// Options out of range, a law of another dimension or for another number of nodes, [`ContactError::Memory`] if
+    /// [`DistributedBody::memory`] exceeds the limit on a process (checked before anything is allocated), errors of PETSc.
     pub fn new(body: DistributedBody<'w>, law: L, options: ReducedOptions) -> Result<Self, Error> {
         let world = body.world;
         world.agree(fits(&body, &law, &options))?;
@@ -66,13 +66,14 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
         self.system.body.world
     }
 
-    /// A solution at α under a load, the forces on the free displacements of the part (those that stem from moved supports among them), by
-    /// Newton's method from the displacements `start` (zero if there is none), then by load steps.
+    /// A solution at α under `load`, the forces on the free displacements of the part (including those of prescribed displacements), by
+    /// Newton's method from the displacements `start` (zero for `None`), then by load steps.
     ///
     /// # Errors
     /// On all processes, if there is one on any: wrong lengths, values that are not finite, coefficients of friction that the law
-    /// refuses. [`ContactError::NotConverged`], [`ContactError::Interrupted`], [`ContactError::NotReducible`] or [`ContactError::Elsewhere`], with the best iterate and the
-    /// history, is the source of the error where no solution was found, and [`Error::StepFailed`] has them where a linear solver failed.
+    /// refuses. If no solution was found, the source of the error is [`ContactError::NotConverged`], [`ContactError::Interrupted`],
+    /// [`ContactError::NotReducible`] or [`ContactError::Elsewhere`], with the best iterate and the history. If a linear solver failed, the
+    /// error is [`Error::StepFailed`], with the same.
     pub fn solve(&mut self, alpha: f64, load: &[f64], start: Option<&[f64]>) -> Result<ReducedReport, Error> {
         self.world().agree(self.check(alpha, load, start))?;
         let body = &self.system.body;
@@ -101,7 +102,7 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
             },
             Err(e) => (None, End::Other(ContactError::Invalid { what: e.to_string() })),
         };
-        // All processes take part, whatever each has found.
+        // Collective: all processes call it, whatever their result is.
         let own = best.as_ref().map(|best| best.displacements.as_slice());
         let blank = vec![0.0; self.system.body.len];
         let displacements = self.system.body.free(own.unwrap_or(&blank))?;
@@ -112,11 +113,11 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
         self.ended(best, end)
     }
 
-    /// The result of all processes.
+    /// The result on which all processes agree.
     fn ended(&self, best: Option<Box<ReducedReport>>, end: End) -> Result<ReducedReport, Error> {
         let found = match (end, best) {
             (End::Solved, Some(best)) => Ok(*best),
-            // Agreed before.
+            // All processes have agreed on this error already.
             (End::Step(source), Some(best)) => {
                 let source = Box::new(source);
                 return Err(Error::StepFailed { source, best });
@@ -149,7 +150,7 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
         (0..self.system.body.components.len()).try_for_each(|i| self.law.check(&self.blank(i, alpha)))
     }
 
-    /// What the law sees at node i, without displacements and forces.
+    /// The arguments of the law at node i, with displacements and forces zero.
     fn blank(&self, i: usize, alpha: f64) -> LocalValues {
         let h = self.law.num_history();
         let mut v = LocalValues::default();
@@ -159,10 +160,10 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
         v
     }
 
-    /// Ends a load level at what was found: history variables and the slips that count as none are updated.
+    /// Ends a load level with a solution: updates the history variables and the reference positions from which slip is measured.
     ///
     /// # Errors
-    /// A report that does not belong to this problem.
+    /// A report whose sizes do not fit this problem.
     pub fn end_level(&mut self, alpha: f64, found: &ReducedReport) -> Result<(), Error> {
         let (p, dim) = (self.system.body.components.len(), self.system.body.dim);
         let mut checked = self.check(alpha, &found.displacements, None);
@@ -191,7 +192,7 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
     }
 }
 
-/// How a solve ended in this process.
+/// How a solve ended on this process.
 enum End {
     Solved,
     NotConverged,

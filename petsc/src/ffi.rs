@@ -1,4 +1,4 @@
-//! The functions of `shim.c`, and those of PETSc that need no shim. Types are checked by static assertions there.
+//! The functions of `shim.c`, and those of PETSc that need no shim. Static assertions in `shim.c` check the types.
 
 use std::ffi::{c_char, c_int, c_longlong, c_void};
 

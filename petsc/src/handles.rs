@@ -1,4 +1,4 @@
-//! Vectors, matrices and solvers of PETSc, which free themselves. Calls are collective unless they say otherwise.
+//! Owned vectors, matrices and solvers of PETSc. Calls are collective unless stated otherwise.
 
 use std::ffi::{CString, c_int};
 use std::marker::PhantomData;
@@ -34,14 +34,14 @@ impl<'w> Vector<'w> {
         Ok(Self(v, PhantomData))
     }
 
-    /// Not collective. `values` are as many as the vector has in this process.
+    /// Not collective. `values` has as many entries as the vector on this process.
     fn with<T>(&self, length: usize, work: impl FnOnce(&mut [f64]) -> T) -> Outcome<T> {
         let mut a = null_mut();
         call!(VecGetArray(self.0, &mut a))?;
         let result = if length == 0 {
             work(&mut [])
         } else {
-            // SAFETY: PETSc lends the entries of this process until they are restored; the caller knows how many there are.
+            // SAFETY: the pointer to the entries of this process is valid until they are restored; the caller gives their number.
             work(unsafe { std::slice::from_raw_parts_mut(a, length) })
         };
         call!(VecRestoreArray(self.0, &mut a))?;
@@ -86,7 +86,7 @@ impl<'w> Matrix<'w> {
         call!(shim_add_row(self.0, row, n, cols, values))
     }
 
-    /// After rows were added to or replaced; replaced ones first.
+    /// To be called after rows were added to or replaced, and between replacing and adding.
     pub(crate) fn assemble(&self) -> Outcome<()> {
         call!(shim_assemble(self.0))
     }
@@ -95,7 +95,7 @@ impl<'w> Matrix<'w> {
         call!(shim_definite(self.0))
     }
 
-    /// From vectors of as many entries as this process has rows, one after another.
+    /// `vectors` has `count` vectors with as many entries as this process has rows, one after another.
     pub(crate) fn set_near_kernel(&mut self, block: usize, count: usize, vectors: &[f64]) -> Outcome<()> {
         let local = vectors.len() / count.max(1);
         call!(shim_near_kernel(
@@ -107,14 +107,15 @@ impl<'w> Matrix<'w> {
         ))
     }
 
-    /// The entries among some rows, those of this process in increasing order, and their columns; they are numbered through all processes.
+    /// The submatrix of some rows and the same columns, renumbered through all processes; `rows` are those of this process in increasing
+    /// order.
     pub(crate) fn among(&self, rows: &[Int]) -> Outcome<Self> {
         let mut part = null_mut();
         call!(shim_among(self.0, rows.len() as Int, rows.as_ptr(), 0, &mut part))?;
         Ok(Self(part, PhantomData))
     }
 
-    /// As [`among`](Self::among), into what it has given before for the same rows.
+    /// As [`among`](Self::among), into its earlier result for the same rows.
     pub(crate) fn among_again(&self, rows: &[Int], part: &mut Self) -> Outcome<()> {
         call!(shim_among(
             self.0,
@@ -125,20 +126,20 @@ impl<'w> Matrix<'w> {
         ))
     }
 
-    /// Replaces entries of a row of this process. Not collective, and without `&mut` because PETSc's matrices are shared by reference:
-    /// who calls it owns the matrix.
+    /// Replaces entries of a row of this process. Not collective. Takes `&self`, since PETSc's matrices are shared by reference; only the
+    /// owner of the matrix may call it.
     pub(crate) fn replace_row(&self, row: Int, cols: &[Int], values: &[f64]) -> Outcome<()> {
         assert_eq!(cols.len(), values.len());
         let (n, cols, values) = (cols.len() as Int, cols.as_ptr(), values.as_ptr());
         call!(shim_replace_row(self.0, row, n, cols, values))
     }
 
-    /// Less a matrix of the same pattern.
+    /// Subtracts a matrix of the same pattern.
     pub(crate) fn subtract(&mut self, a: &Self) -> Outcome<()> {
         call!(shim_subtract(self.0, a.0))
     }
 
-    /// Pᵀ A P; if there is a product of the same matrices already, in its place.
+    /// Pᵀ A P; an earlier product of matrices with the same patterns is overwritten.
     pub(crate) fn triple(&self, p: &Self, before: Option<Self>) -> Outcome<Self> {
         let again = c_int::from(before.is_some());
         let mut product = before.unwrap_or(Self(null_mut(), PhantomData));
@@ -146,12 +147,12 @@ impl<'w> Matrix<'w> {
         Ok(product)
     }
 
-    /// A row of this process is appended to lists. Not collective.
+    /// Appends a row of this process to lists. Not collective.
     pub(crate) fn row(&self, row: Int, cols: &mut Vec<Int>, values: &mut Vec<f64>) -> Outcome<()> {
         let (mut n, mut c, mut v) = (0, null(), null());
         call!(MatGetRow(self.0, row, &mut n, &mut c, &mut v))?;
         if n > 0 {
-            // SAFETY: PETSc lends n columns and values until they are restored.
+            // SAFETY: the pointers to n columns and n values are valid until the row is restored.
             unsafe {
                 cols.extend_from_slice(std::slice::from_raw_parts(c, n as usize));
                 values.extend_from_slice(std::slice::from_raw_parts(v, n as usize));
@@ -160,7 +161,7 @@ impl<'w> Matrix<'w> {
         call!(MatRestoreRow(self.0, row, &mut n, &mut c, &mut v))
     }
 
-    /// Makes rows of this process and their columns those of a diagonal matrix.
+    /// Replaces rows of this process and their columns by those of a diagonal matrix.
     pub(crate) fn hold(&mut self, rows: &[Int], diagonal: f64) -> Outcome<()> {
         call!(shim_hold(self.0, rows.len() as Int, rows.as_ptr(), diagonal))
     }
@@ -169,14 +170,14 @@ impl<'w> Matrix<'w> {
         call!(MatMult(self.0, x.0, y.0))
     }
 
-    /// The Schur complement of the rows that process 0 names, row by row on process 0: all others are eliminated.
+    /// The Schur complement on the rows given by process 0, stored row by row on process 0: all other rows are eliminated.
     pub(crate) fn eliminate_others(&self, rows: &[Int], schur: &mut [f64]) -> Outcome<()> {
         assert_eq!(schur.len(), rows.len() * rows.len());
         let (n, rows) = (rows.len() as Int, rows.as_ptr());
         call!(shim_eliminate(self.0, n, rows, schur.as_mut_ptr()))
     }
 
-    /// a + b, which is not formed: PETSc counts references to both.
+    /// a + b as an operator, without forming the sum: PETSc counts references to both.
     pub(crate) fn both(a: &Self, b: &Self) -> Outcome<Self> {
         let mut sum = null_mut();
         call!(shim_both(a.0, b.0, &mut sum))?;
@@ -188,14 +189,14 @@ impl<'w> Matrix<'w> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Solved {
     pub(crate) iterations: usize,
-    /// ‖b − A x‖₂, as the recurrence has it.
+    /// ‖b − A x‖₂ from the recurrence of the method, not evaluated.
     pub(crate) residual: f64,
-    /// PETSc's reason: below 0 where there is no approximation.
+    /// PETSc's `KSPConvergedReason`; negative if there is no approximation, 0 at the limit of iterations.
     pub(crate) reason: i32,
 }
 
 impl<'w> Solver<'w> {
-    /// With the options given at the start, and these where they say nothing.
+    /// A solver with the options given at the start; `defaults` apply where those say nothing.
     pub(crate) fn new(_: &'w World, defaults: &[(&str, &str)]) -> Outcome<Self> {
         for (name, value) in defaults {
             let text = |s: &str| CString::new(s).unwrap_or_default();
@@ -211,15 +212,15 @@ impl<'w> Solver<'w> {
         call!(shim_operators(self.0, a.0, preconditioned.0))
     }
 
-    /// Whether it is GAMG with aggregates that stay.
+    /// Whether the preconditioner is GAMG with aggregates that are reused.
     pub(crate) fn is_multigrid(&self) -> Outcome<bool> {
         let mut is = 0;
         call!(shim_multigrid(self.0, &mut is))?;
         Ok(is != 0)
     }
 
-    /// Of the hierarchy that [`set`](Self::set) has made the given rows of the interpolation to the finest level, and the matrix of the level
-    /// below; none where there is one level.
+    /// From the hierarchy made by [`set`](Self::set): the given rows of the interpolation to the finest level, and the matrix of the level
+    /// below; `None` if there is only one level.
     pub(crate) fn hierarchy(&mut self, rows: &[Int]) -> Outcome<Option<[Matrix<'w>; 2]>> {
         let (mut interpolation, mut coarse) = (null_mut(), null_mut());
         call!(shim_hierarchy(
@@ -233,8 +234,8 @@ impl<'w> Solver<'w> {
         Ok((!interpolation.is_null()).then_some(owned))
     }
 
-    /// As [`set`](Self::set), with the hierarchy there is: the matrix below the finest level is `coarse` + `change`. `again` but for the
-    /// first time.
+    /// As [`set`](Self::set), but reuses the hierarchy: the matrix below the finest level becomes `coarse` + `change`. `again` is false at
+    /// the first call.
     pub(crate) fn update(
         &mut self,
         a: &Matrix<'_>,

@@ -1,9 +1,9 @@
-//! Contact with friction on bodies spread over many processes.
+//! Contact with friction on bodies distributed over many processes.
 //!
-//! [`semismooth`] brings the laws of contact nodes and Newton's method in the displacements
-//! ([`solve_reduced`](semismooth::contact::solve_reduced)), PETSc the matrices and the linear solvers, MPI the messages. A [`Part`] of a mesh is what one
-//! process holds; loads and contact rows of it come from [`semismooth::fem`]; a [`DistributedBody`] puts the parts together, and
-//! [`DistributedContact`] is to it what [`ReducedContact`](semismooth::contact::ReducedContact) is to a body in one process.
+//! [`semismooth`] provides the laws of contact nodes and Newton's method in the displacements
+//! ([`solve_reduced`](semismooth::contact::solve_reduced)), PETSc the matrices and linear solvers, MPI the messages. Each process has a
+//! [`Part`] of the mesh, on which [`semismooth::fem`] assembles loads and contact rows. A [`DistributedBody`] joins the parts;
+//! [`DistributedContact`] solves its contact problem, as [`ReducedContact`](semismooth::contact::ReducedContact) does on one process.
 //!
 //! ```no_run
 //! use semismooth::contact::{FrictionCoefficient, OrthotropicCoulomb, ReducedOptions};

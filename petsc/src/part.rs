@@ -9,7 +9,7 @@ use crate::ffi::Int;
 use crate::scatter::{Cutter, Piece};
 use crate::world::{Error, PetscError, World};
 
-/// What can be wrong with parts of meshes.
+/// Errors of parts of meshes.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum PartError {
@@ -40,7 +40,7 @@ pub enum PartError {
     /// Process 0 has no mesh to cut.
     #[error("process 0 gives the mesh, and gave none")]
     NoMesh,
-    /// In the mesh.
+    /// An error of the mesh.
     #[error(transparent)]
     Mesh(#[from] FemError),
     /// A field that does not fit the part, or a file that cannot be written.
@@ -48,11 +48,11 @@ pub enum PartError {
     Output(#[from] OutputError),
 }
 
-/// The part of a mesh that one process holds: all cells at the nodes that it owns, and so some nodes that others own.
+/// The part of a mesh on one process: all cells at the nodes that it owns, and hence some nodes that other processes own.
 ///
-/// Loads, contact rows and stresses are computed on the mesh of the part with [`semismooth::fem`] as if it were the whole one; what they are at the nodes of
-/// other processes is not used. Groups of facets and cells exist in all parts, some of them empty. To name cells use
-/// [`Mesh::mark_cells`]; [`Mesh::mark_boundary`] would take the cuts for boundaries.
+/// Loads, contact rows and stresses are computed on the mesh of the part with [`semismooth::fem`] as if it were the whole mesh; their
+/// values at nodes of other processes are not used. Groups of facets and cells exist in all parts, possibly empty. To name cells use
+/// [`Mesh::mark_cells`]; [`Mesh::mark_boundary`] would treat the cuts between parts as boundaries.
 ///
 /// ```no_run
 /// use semismooth_petsc::{Part, run};
@@ -75,8 +75,8 @@ pub struct Part {
 }
 
 impl Part {
-    /// This process's part of [`Mesh::rectangle`], cut into rectangles of about as many nodes. Nothing is held by more than one process but
-    /// a layer of cells along the cuts.
+    /// This process's part of [`Mesh::rectangle`], which is cut into rectangles with about equal numbers of nodes. Only the layer of cells
+    /// along the cuts is stored on more than one process.
     ///
     /// # Errors
     /// Those of the mesh; grids that cannot be cut into so many parts.
@@ -97,7 +97,7 @@ impl Part {
         world.agree(Self::grid(world.rank(), world.size(), &lower, &upper, &cells))
     }
 
-    /// This process's part of the mesh in a Gmsh file, as [`scatter`](Self::scatter). Process 0 reads the file; the others need not see it.
+    /// This process's part of the mesh in a Gmsh file, as [`scatter`](Self::scatter). Only process 0 reads the file.
     ///
     /// # Errors
     /// Those of [`read_gmsh`] and of [`scatter`](Self::scatter).
@@ -109,12 +109,12 @@ impl Part {
         Self::scatter(world, world.agree(read)?.as_ref())
     }
 
-    /// This process's part of any mesh that process 0 has; what the others give is not looked at. The nodes are cut by recursive bisection of
-    /// the longest side of the box around them, and the parts are sent one after another: process 0 holds the mesh and one part more while
-    /// that lasts, the others never hold more than theirs.
+    /// This process's part of any mesh on process 0; `mesh` on other processes is ignored. The nodes are divided by recursive bisection of
+    /// the longest side of the box around them, and the parts are sent one after another: meanwhile process 0 stores the mesh and one part
+    /// more, the others only their own parts.
     ///
-    /// Beside the cells at its nodes a part has those at facets of groups with a neighbour of its nodes, so that supports of neighbours are
-    /// what they are in the whole. Results at nodes that share no cell with an own one are not to be used.
+    /// Besides the cells at its own nodes a part has the cells at facets of groups that contain a neighbour of an own node, so that
+    /// neighbours have the same supports as in the whole mesh. Results at nodes that share no cell with an own node must not be used.
     ///
     /// # Errors
     /// No mesh on process 0, fewer nodes than processes, more than 2³² nodes or cells or than `PetscInt` can number.
@@ -166,7 +166,7 @@ impl Part {
         if (0..size).any(|r| cut.part(r).0.iter().any(Range::is_empty)) {
             return Err(refuse());
         }
-        // A layer of cells around what is owned.
+        // A layer of cells around the own nodes.
         let held: [Range<usize>; 3] = std::array::from_fn(|d| {
             let last = cells.get(d).copied().unwrap_or(0);
             own[d].start.saturating_sub(1)..own[d].end.min(last) + 1
@@ -264,16 +264,16 @@ fn can_be_cut(mesh: &Mesh, processes: usize) -> Result<(), PartError> {
     Ok(())
 }
 
-/// Nodes of a grid, cut into boxes by recursive bisection of the longest direction. Any process can tell where a node is without asking
-/// others.
+/// Nodes of a grid, cut into boxes by recursive bisection of the longest direction. Any process can compute the owner of a node without
+/// communication.
 struct Cut {
     size: usize,
     nodes: [usize; 3],
 }
 
 impl Cut {
-    /// Halves the box of some processes until one is left: `low` says which half to take, from the direction of the cut, its place and
-    /// how many processes are below. The process, its box, and the nodes of those before it.
+    /// Bisects the box of all processes until one process is left; `low` chooses the half, from the direction of the cut, its position and
+    /// the number of processes below it. Returns the process, its box, and the number of nodes of the processes before it.
     fn descend(
         &self,
         mut low: impl FnMut(usize, usize, Range<usize>, usize) -> bool,
@@ -302,13 +302,13 @@ impl Cut {
         (ranks.start, part, before)
     }
 
-    /// The box of a process, and how many nodes are in those of the processes before it.
+    /// The box of a process, and the number of nodes in those of the processes before it.
     fn part(&self, rank: usize) -> ([Range<usize>; 3], usize) {
         let (_, part, before) = self.descend(|_, _, ranks, half| rank < ranks.start + half);
         (part, before)
     }
 
-    /// Number of a node: box by box, and there along x first.
+    /// Number of a node: box by box, with x fastest within a box.
     fn number(&self, node: [usize; 3]) -> usize {
         let (_, part, before) = self.descend(|axis, at, _, _| node[axis] < at);
         let inside = |d: usize| node[d] - part[d].start;
@@ -345,7 +345,7 @@ mod tests {
         }
     }
 
-    /// The parts hold all cells at the nodes they own, and the facets of the sides among them.
+    /// The parts have all cells at their own nodes, and the facets of the sides among these cells.
     #[test]
     fn parts_have_the_cells_at_their_nodes() {
         let whole = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], [5, 4, 3]).unwrap();

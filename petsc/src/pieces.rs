@@ -1,4 +1,4 @@
-//! Fields on parts as files that belong together.
+//! Output of fields on parts, one file per process and one that combines them.
 
 use std::fmt::Write;
 use std::io;
@@ -27,14 +27,14 @@ const PVTU: &str = "the name of a file with fields of parts is UTF-8 and ends in
 pub struct PartField<'a> {
     /// Its name, the same on all processes.
     pub name: &'a str,
-    /// Numbers a node, the same on all processes.
+    /// Number of components per node, the same on all processes.
     pub components: usize,
-    /// Node by node, as the mesh of the part numbers them.
+    /// The values node by node, as the mesh of the part numbers them.
     pub values: &'a [f64],
 }
 
 impl<'a> PartField<'a> {
-    /// A field of `components` numbers a node.
+    /// A field with `components` values per node.
     #[must_use]
     pub const fn new(name: &'a str, components: usize, values: &'a [f64]) -> Self {
         Self {
@@ -46,8 +46,8 @@ impl<'a> PartField<'a> {
 }
 
 impl Part {
-    /// Writes fields at nodes: `NAME.R.vtu` by each process R, with cells that no other writes, and `NAME.pvtu`, which ParaView opens as one
-    /// mesh, by process 0. What stands at nodes of others is asked for, so that only values at own nodes need be right. Collective.
+    /// Writes fields at nodes: each process R writes `NAME.R.vtu` with its share of the cells, process 0 writes `NAME.pvtu`, which ParaView
+    /// opens as one mesh. Values at nodes of other processes are fetched: only those at own nodes are used. Collective.
     ///
     /// ```no_run
     /// use semismooth_petsc::{Part, PartField, run};
@@ -86,7 +86,7 @@ impl Part {
         let mut has = vec![0.0; world.size()];
         has[world.rank()] = f64::from(u8::from(mesh.is_some()));
         world.agree(world.add(&mut has))?;
-        // The pieces are there before the file that names them.
+        // All pieces must be complete before the file that names them is written.
         let index = match world.rank() {
             0 => std::fs::write(path, index(name, &has, fields)).map_err(|e| OutputError::Io {
                 path: Some(path.into()),
@@ -119,7 +119,7 @@ impl Part {
         Ok(name)
     }
 
-    /// The nodes and the mesh of the cells whose node with the smallest number is this process's: each cell is one process's.
+    /// The nodes and the mesh of the cells whose smallest node number belongs to this process: each cell belongs to exactly one process.
     fn own_cells(&self) -> Result<(Vec<usize>, Option<Mesh>), Boxed> {
         let mesh = self.mesh();
         let own = self.first() as Int..(self.first() + self.own().len()) as Int;
@@ -143,7 +143,7 @@ impl Part {
         Ok((nodes, Some(mesh)))
     }
 
-    /// The values of a field with those of others at their nodes.
+    /// The values of a field, with those of the owners at nodes of other processes.
     fn complete(&self, world: &World, field: &PartField<'_>) -> Result<Vec<f64>, Boxed> {
         let width = field.components;
         let at = |n: usize| &field.values[width * n..width * (n + 1)];

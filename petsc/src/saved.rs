@@ -1,4 +1,4 @@
-//! States at the ends of load levels, kept in files.
+//! States at the ends of load levels, saved in files.
 
 use std::fs;
 use std::io::{Error as IoError, ErrorKind, Write};
@@ -10,7 +10,7 @@ use thiserror::Error as ThisError;
 use crate::DistributedContact;
 use crate::world::Error;
 
-/// What can be wrong with saved states.
+/// Errors of saved states.
 #[derive(Debug, ThisError)]
 #[non_exhaustive]
 pub enum SavedError {
@@ -19,26 +19,26 @@ pub enum SavedError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the operating system.
         source: IoError,
     },
-    /// A file that is no saved state, or not whole.
+    /// A file that is not a saved state, or is incomplete.
     #[error("{path} is not a saved state, or not all of one")]
     Damaged {
         /// The file.
         path: PathBuf,
     },
-    /// Another number of processes.
+    /// A state of another number of processes.
     #[error("{path} was saved by {saved} processes, and this job has {now}")]
     Processes {
         /// The file.
         path: PathBuf,
-        /// Their number then.
+        /// The number when the state was saved.
         saved: usize,
-        /// Their number now.
+        /// The number of processes of this job.
         now: usize,
     },
-    /// Another body or law.
+    /// A state of another body or law.
     #[error("{path} was saved for another body or law")]
     OtherProblem {
         /// The file.
@@ -49,7 +49,7 @@ pub enum SavedError {
     Contact(#[from] ContactError),
 }
 
-/// The end of a load level, as [`resume`](DistributedContact::resume) finds it.
+/// The end of a load level, as [`resume`](DistributedContact::resume) returns it.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct SavedLevel {
@@ -57,7 +57,7 @@ pub struct SavedLevel {
     pub level: u64,
     /// The parameter there.
     pub alpha: f64,
-    /// The displacements, as [`solve`](DistributedContact::solve) takes them for a start.
+    /// The displacements, in the form of the argument `start` of [`solve`](DistributedContact::solve).
     pub displacements: Vec<f64>,
 }
 
@@ -65,9 +65,9 @@ const MAGIC: u64 = u64::from_le_bytes(*b"smsmpar1");
 const COMMITTED: &str = "semismooth state";
 
 impl<L: NodeLaw> DistributedContact<'_, L> {
-    /// Saves the end of a load level, after [`end_level`](Self::end_level): a file a process, `NAME.G.R`, and when all of them are
-    /// written, `NAME`, which names them; the state saved before is removed then. A job that is killed at any time leaves the last
-    /// state that is whole. Nothing is rounded. Collective.
+    /// Saves the end of a load level, after [`end_level`](Self::end_level): one file per process, `NAME.G.R`, and when all of them are
+    /// written, `NAME`, which names them; then the previous state is removed. If the job is killed, at any time, the last complete state
+    /// remains. Values are not rounded. Collective.
     ///
     /// # Errors
     /// Displacements of the wrong length, files that cannot be written.
@@ -82,7 +82,7 @@ impl<L: NodeLaw> DistributedContact<'_, L> {
         world.agree(self.check(alpha, displacements, None))?;
         let before = match world.rank() {
             0 => committed(path).or_else(|e| match e {
-                // What is no state is written over.
+                // A file that is not a state is overwritten.
                 SavedError::Damaged { .. } => Ok(None),
                 e => Err(e),
             }),
@@ -105,13 +105,13 @@ impl<L: NodeLaw> DistributedContact<'_, L> {
             0 => replace(path, told.into_bytes()),
             _ => Ok(()),
         })?;
-        // Whether the old one can be removed changes nothing.
+        // A failure to remove the old state does no harm.
         let _ = fs::remove_file(piece(path, before, world.rank()));
         Ok(())
     }
 
-    /// Takes up the state that [`save`](Self::save) left at this path, on the same number of processes; `None` if there is none. The next level
-    /// comes out as if the job had gone on. Collective.
+    /// Restores the state that [`save`](Self::save) wrote to this path, on the same number of processes; `None` if there is none. The next
+    /// level gives the same result as in a job that was not interrupted. Collective.
     ///
     /// ```no_run
     /// use semismooth::contact::NodeLaw;
@@ -161,7 +161,7 @@ impl<L: NodeLaw> DistributedContact<'_, L> {
         }))
     }
 
-    /// What tells bodies, laws and processes apart.
+    /// The numbers by which states of another body, law or process are recognised: sizes, and the stiffness of contact nodes.
     fn head(&self) -> [u64; 9] {
         let (world, body) = (self.world(), self.body());
         let counts = [
@@ -181,7 +181,7 @@ impl<L: NodeLaw> DistributedContact<'_, L> {
         head
     }
 
-    /// Displacements, reference, history; level and parameter, both as bits.
+    /// Displacements, reference positions, history; level and parameter, all as bits.
     fn read(&self, path: &Path) -> Result<[Vec<f64>; 4], SavedError> {
         let bytes = fs::read(path).map_err(|source| SavedError::Io {
             path: path.into(),
@@ -260,7 +260,7 @@ fn piece(path: &Path, generation: u64, rank: usize) -> PathBuf {
     name.into()
 }
 
-/// A file, whole or not there.
+/// Writes a file atomically: it is complete or does not exist.
 fn replace(path: &Path, bytes: Vec<u8>) -> Result<(), SavedError> {
     let mut part = path.as_os_str().to_os_string();
     part.push(".part");

@@ -1,4 +1,4 @@
-//! Parts of a mesh that one process has: cut, and sent to the others one after another.
+//! A mesh on one process, cut into parts that are sent to the others one after another.
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -39,7 +39,7 @@ pub(crate) fn owners(points: &[[f64; 3]], size: usize) -> Vec<u32> {
         let at = nodes.len() * half / ranks.len();
         let place = |n: &u32| points[*n as usize][axis];
         if at > 0 {
-            // By number where nodes are level, so that the cut is the same everywhere.
+            // Ties are broken by number, so that the cut is unique.
             nodes.select_nth_unstable_by(at, |a, b| place(a).total_cmp(&place(b)).then(a.cmp(b)));
         }
         let (low, high) = nodes.split_at_mut(at);
@@ -53,7 +53,7 @@ pub(crate) fn owners(points: &[[f64; 3]], size: usize) -> Vec<u32> {
 pub(crate) struct Cutter<'a> {
     mesh: &'a Mesh,
     owner: Vec<u32>,
-    /// Number of each node among those of all processes, and of the first of each process.
+    /// Number of each node among those of all processes, and number of the first node of each process.
     number: Vec<Int>,
     first: Vec<usize>,
     /// Cells with a node of process r: `cells[start[r]..start[r + 1]]`.
@@ -67,7 +67,7 @@ pub(crate) struct Cutter<'a> {
 /// Name, facets, and a cell at each.
 type Facets<'a> = (&'a str, &'a [Vec<usize>], Vec<u32>);
 
-/// The cell of a facet that has none.
+/// Marks a facet without a cell.
 const NO_CELL: u32 = u32::MAX;
 
 impl<'a> Cutter<'a> {
@@ -150,7 +150,7 @@ impl<'a> Cutter<'a> {
     pub(crate) fn piece(&self, rank: usize) -> Piece {
         let mut cells = self.cells[self.start[rank]..self.start[rank + 1]].to_vec();
         let mut near: Vec<usize> = self.nodes(&cells);
-        // Neighbours are held by their supports as they are where they are owned: all facets there are needed, with their cells.
+        // Neighbours of own nodes must have the same supports as on their owner: all facets there are needed, with their cells.
         let is_near = |n: &usize| near.binary_search(n).is_ok();
         let mut facets = Vec::new();
         for (name, list, at) in &self.facets {
@@ -202,7 +202,7 @@ impl<'a> Cutter<'a> {
         Piece { lists }
     }
 
-    /// Nodes of cells, in order.
+    /// Nodes of cells, in increasing order.
     fn nodes(&self, cells: &[u32]) -> Vec<usize> {
         let mut nodes: Vec<usize> = cells
             .iter()
@@ -214,7 +214,7 @@ impl<'a> Cutter<'a> {
     }
 }
 
-/// A part as lists of numbers, as it is sent: dimension, number of the first own node and number of groups of facets; coordinates; kinds and
+/// A part as lists of numbers, for sending: dimension, number of the first own node and number of groups of facets; coordinates; kinds and
 /// nodes of cells; own nodes; numbers of nodes; name, lengths and nodes of each group of facets; name and cells of each group of cells.
 pub(crate) struct Piece {
     lists: Vec<Vec<u64>>,

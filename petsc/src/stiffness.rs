@@ -5,21 +5,21 @@ use crate::ffi::Int;
 use crate::handles::{Matrix, Vector};
 use crate::world::{PetscError, World};
 
-/// The stiffness matrix A of all processes. It is most of what a process holds, and is there once: Newton steps change it in place, in the
-/// rows and columns of contact nodes, of which the entries are kept as they were.
+/// The stiffness matrix A, distributed over all processes. It takes most of the memory of a process and is therefore stored once: Newton
+/// steps change it in place, in the rows and columns of contact nodes, whose original entries are kept.
 #[derive(Debug)]
 pub(crate) struct Stiffness<'w> {
     world: &'w World,
     matrix: Matrix<'w>,
     first: Int,
     near: Near<'w>,
-    /// Whether the matrix is another than A.
+    /// Whether the matrix differs from A.
     changed: Cell<bool>,
-    /// Of each row of `near`: whether its component is constrained.
+    /// For each row of `near`, whether its component is constrained.
     constrained: RefCell<Vec<bool>>,
 }
 
-/// A among the components of contact nodes and their neighbours.
+/// The submatrix of A on the components of contact nodes and their neighbours.
 #[derive(Debug)]
 struct Near<'w> {
     matrix: Matrix<'w>,
@@ -33,8 +33,8 @@ struct Near<'w> {
 }
 
 impl<'w> Stiffness<'w> {
-    /// `rows` are the components of this process at contact nodes and at neighbours of any, in increasing order, with whether they belong
-    /// to contact nodes; `first` is the first component of this process.
+    /// `rows` are the components of this process at contact nodes (`true`) and at their neighbours (`false`), in increasing order; `first`
+    /// is the first component of this process.
     pub(crate) fn new(
         world: &'w World,
         matrix: Matrix<'w>,
@@ -53,12 +53,12 @@ impl<'w> Stiffness<'w> {
         })
     }
 
-    /// The matrix as Newton's method wants it now.
+    /// The matrix with the current changes.
     pub(crate) fn now(&self) -> &Matrix<'w> {
         &self.matrix
     }
 
-    /// A itself: changes are taken back. Collective.
+    /// Undoes the changes and returns A. Collective.
     pub(crate) fn original(&self) -> Result<&Matrix<'w>, PetscError> {
         if self.changed.get() {
             let (mut cols, mut values) = (Vec::new(), Vec::new());
@@ -74,8 +74,8 @@ impl<'w> Stiffness<'w> {
         Ok(&self.matrix)
     }
 
-    /// Makes rows and columns of `constrained` components of contact nodes those of a diagonal matrix and adds to entries (row, column, value) of
-    /// such nodes. Collective.
+    /// Replaces the rows and columns of `constrained` components of contact nodes by those of a diagonal matrix and adds entries (row,
+    /// column, value) at contact nodes. Collective.
     pub(crate) fn change(
         &mut self,
         constrained: &[usize],
@@ -100,7 +100,7 @@ impl<'w> Stiffness<'w> {
         Ok(())
     }
 
-    /// `out` ← A u, whatever the matrix is now; x and y are vectors of displacements to work with. Collective.
+    /// `out` ← A u with the original A, whatever changes are in place; x and y are work vectors. Collective.
     pub(crate) fn mul(
         &self,
         u: &[f64],
@@ -126,7 +126,8 @@ impl<'w> Stiffness<'w> {
             near.matrix.mul(&x, &mut y)?;
             y.get(v)?;
         }
-        // Rows of contact nodes are those of A, in all others the columns of what is constrained are missing: nothing is added and subtracted.
+        // Rows of contact nodes come from A itself; other rows lack only the columns of constrained components, which are added. (To
+        // subtract the terms of the laws instead would lose digits.)
         for (k, at) in at.into_iter().enumerate() {
             match near.is_contact[k] {
                 true => out[at] = all[k],
@@ -136,7 +137,7 @@ impl<'w> Stiffness<'w> {
         Ok(())
     }
 
-    /// A row of A at a component of a contact node of this process is appended to lists. Not collective.
+    /// Appends the row of A of a component of a contact node of this process to lists. Not collective.
     pub(crate) fn row(
         &self,
         component: usize,
@@ -153,7 +154,7 @@ impl<'w> Stiffness<'w> {
         Ok(())
     }
 
-    /// The matrix as it is now among the components near contact nodes, into the same matrix as before. Collective.
+    /// The current matrix on the components near contact nodes, written into an earlier result if there is one. Collective.
     pub(crate) fn now_near(&self, before: Option<Matrix<'w>>) -> Result<Matrix<'w>, PetscError> {
         match before {
             Some(mut now) => {
@@ -164,7 +165,7 @@ impl<'w> Stiffness<'w> {
         }
     }
 
-    /// The components of this process among which the matrix changes, as rows.
+    /// The rows of this process in which the matrix changes.
     pub(crate) fn near(&self) -> &[Int] {
         &self.near.rows
     }
@@ -193,7 +194,7 @@ impl<'w> Near<'w> {
                 .row(near.first + k as Int, &mut near.columns, &mut values)?;
             near.start.push(near.columns.len());
         }
-        // From numbers among all such rows to rows of A; those of other processes are asked for.
+        // From numbers among the rows near contact nodes to rows of A; those of other processes are fetched.
         let own = near.first..near.first + near.rows.len() as Int;
         let mut strangers: Vec<Int> = near
             .columns

@@ -7,14 +7,14 @@ use crate::handles::{Matrix, Solver, Vector};
 use crate::stiffness::Stiffness;
 use crate::world::{Error, PetscError, World};
 
-/// What can go wrong in a linear solver.
+/// Errors of a linear solver.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum SolverError {
-    /// A call of PETSc.
+    /// A call of PETSc failed.
     #[error(transparent)]
     Petsc(#[from] PetscError),
-    /// No approximation came out: a preconditioner that broke down, numbers that are not finite.
+    /// There is no approximate solution: the preconditioner broke down, or values are not finite.
     #[error("PETSc's linear solver stopped after {iterations} iterations for its reason {reason}")]
     Diverged {
         /// KSPConvergedReason.
@@ -24,16 +24,17 @@ pub enum SolverError {
     },
 }
 
-/// The solver that options choose; without them GMRES with algebraic multigrid.
+/// The solver chosen by options; by default GMRES with algebraic multigrid.
 pub(crate) fn krylov(world: &World, directions: usize) -> Result<Solver<'_>, PetscError> {
     let directions = directions.to_string();
     let defaults = [
-        // The cycle is the same from one iteration to the next; on the right, residuals are those of the system.
+        // The multigrid cycle is a fixed linear operator: flexible GMRES is not needed. With right preconditioning, residuals are those of
+        // the system.
         ("-ksp_type", "gmres"),
         ("-ksp_pc_side", "right"),
         ("-ksp_gmres_restart", directions.as_str()),
         ("-pc_type", "gamg"),
-        // The aggregates stay as nodes change state; matrices of coarse levels are computed anew.
+        // The aggregates are reused when nodes change state; matrices of coarse levels are recomputed.
         ("-pc_gamg_reuse_interpolation", "true"),
     ];
     Solver::new(world, &defaults)
@@ -43,7 +44,7 @@ pub(crate) fn krylov(world: &World, directions: usize) -> Result<Solver<'_>, Pet
 #[derive(Debug)]
 pub(crate) struct System<'w> {
     pub(crate) body: DistributedBody<'w>,
-    /// What is preconditioned, A with rows constrained and the symmetric part of the laws added, and what stands beside it.
+    /// The operator: the matrix that is preconditioned (A with constrained rows and the symmetric part of the laws), plus the other rows.
     sum: Option<Matrix<'w>>,
     solver: Solver<'w>,
     coarse: Option<Coarse<'w>>,
@@ -89,7 +90,8 @@ impl<'w> System<'w> {
         if self.sum.is_none() {
             self.body.world.trim();
         }
-        // The hierarchy is that of the first components constrained. What laws add may be larger than A by orders, and comes and goes.
+        // The hierarchy is built with the components constrained at first, without the terms of the laws: these may exceed A by orders of
+        // magnitude and change from step to step.
         if self.sum.is_none() && self.solver.is_multigrid()? {
             self.body.stiffness.change(step.constrained, diagonal, &[])?;
             self.coarse = Coarse::new(&mut self.solver, &self.body.stiffness)?;
@@ -108,7 +110,7 @@ impl<'w> System<'w> {
         Ok(())
     }
 
-    /// The few rows that are not preconditioned.
+    /// The terms in few rows that are left out of the preconditioner.
     fn beside(&self, step: &ReducedStep<'_>) -> Result<Matrix<'w>, PetscError> {
         let mut rows: Vec<(usize, Vec<Int>, Vec<f64>)> = Vec::new();
         for &(i, j, c) in step.combined {
@@ -154,28 +156,28 @@ impl<'w> System<'w> {
             });
         }
         self.y.get(d)?;
-        // The right-hand side is zero there; interpolation may have left a little.
+        // The solution is zero at constrained components; interpolation may leave small values.
         self.constrained.iter().for_each(|k| d[*k] = 0.0);
         Ok(KrylovOutcome::new(solved.iterations, solved.residual / size))
     }
 }
 
 /// GAMG's matrix on the level below the finest, Pᵀ A P: A changes near contact nodes alone, so Pᵀ (A' − A) P, a small product, is added to it.
-/// PETSc would form all of it again, up to two thirds of the time of a Newton step, and keep for it more memory than A takes where processes
-/// share A.
+/// PETSc would recompute all of it, which takes up to two thirds of the time of a Newton step and, on several processes, more memory than
+/// A.
 #[derive(Debug)]
 struct Coarse<'w> {
     /// The rows of P near contact nodes.
     interpolation: Matrix<'w>,
     matrix: Matrix<'w>,
-    /// A near contact nodes, as it was when the hierarchy was made.
+    /// A near contact nodes, at the setup of the hierarchy.
     near: Matrix<'w>,
     /// A' − A near contact nodes, and Pᵀ (A' − A) P.
     difference: Option<[Matrix<'w>; 2]>,
 }
 
 impl<'w> Coarse<'w> {
-    /// Sets up the solver for the matrix as it is; none where there are no coarse levels.
+    /// Sets up the solver for the current matrix; `None` if there are no coarse levels.
     fn new(solver: &mut Solver<'w>, stiffness: &Stiffness<'w>) -> Result<Option<Self>, PetscError> {
         solver.set(stiffness.now(), stiffness.now())?;
         let Some([interpolation, matrix]) = solver.hierarchy(stiffness.near())? else {

@@ -13,37 +13,37 @@ use thiserror::Error;
 
 use crate::ffi::{self, Code, Int};
 
-/// How long a process that has found an error waits for the others to come to the vote.
+/// How long a process with an error waits for the others to vote.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Bytes of a message that other processes get.
+/// Bytes of an error message that are sent to other processes.
 const MESSAGE: usize = 1000;
 
 static STARTED: AtomicBool = AtomicBool::new(false);
 static RUNNING: AtomicBool = AtomicBool::new(false);
 
-/// What ends the work of all processes.
+/// Errors of a job, the same on all processes.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// An error on which all processes agree: that of the first of them that has one.
+    /// An error on which all processes agree: that of the first process that has one.
     #[error("process {rank}: {message}")]
     Agreed {
-        /// The process that found it.
+        /// The process with the error.
         rank: usize,
-        /// The error there, with its sources.
+        /// The message of its error, with its sources.
         message: String,
-        /// What this process has found itself, if anything.
+        /// The error of this process, if it has one.
         source: Option<Box<dyn StdError + Send + Sync>>,
     },
     /// A linear solver failed in a Newton step.
     #[error("{source}")]
     StepFailed {
-        /// What went wrong, agreed on by all processes.
+        /// The error, agreed on by all processes.
         source: Box<Error>,
-        /// The best iterate before in the part of this process, with its history.
+        /// The best earlier iterate on the part of this process, with its history.
         best: Box<ReducedReport>,
     },
-    /// PETSc and MPI run already in this process, or have run: they start once.
+    /// PETSc and MPI were started before in this process: they can be started only once.
     #[error("PETSc is started once in a process")]
     StartedBefore,
     /// An argument with a zero byte.
@@ -59,11 +59,11 @@ pub enum Error {
 #[error("{call}: PETSc error {code}, {text}")]
 #[non_exhaustive]
 pub struct PetscError {
-    /// The function.
+    /// The function that failed.
     pub call: &'static str,
-    /// PETSc's number of the error.
+    /// PETSc's error code.
     pub code: i32,
-    /// PETSc's name of it.
+    /// PETSc's text for the code.
     pub text: String,
 }
 
@@ -72,7 +72,7 @@ pub(crate) fn check(call: &'static str, code: Code) -> Result<(), PetscError> {
         return Ok(());
     }
     let mut text = null();
-    // SAFETY: PETSc hands back a static text or null.
+    // SAFETY: PETSc returns a static string or null.
     let text = unsafe {
         ffi::PetscErrorMessage(code, &mut text, null_mut());
         if text.is_null() {
@@ -84,8 +84,8 @@ pub(crate) fn check(call: &'static str, code: Code) -> Result<(), PetscError> {
     Err(PetscError { call, code, text })
 }
 
-/// Calls a function of the interface. Handles are live, as their owners are borrowed, and pointers are those of slices whose lengths the
-/// caller has compared.
+/// Calls a function of the interface. Handles are valid, since their owners are borrowed; pointers come from slices whose lengths the
+/// caller has checked.
 macro_rules! call {
     ($name:ident($($arg:expr),* $(,)?)) => {
         // SAFETY: as said above.
@@ -96,21 +96,21 @@ pub(crate) use call;
 
 /// The processes of a job: PETSc and MPI, from start to finish. Everything made with it borrows it.
 ///
-/// Functions are *collective* unless they say otherwise: all processes call them, in the same order. What one process finds wrong becomes
-/// an error in all of them by a [vote](Self::agree), so that none waits for one that has left. A process whose error the others do not
-/// come to hear of within the [patience](Self::set_patience), because they wait for it elsewhere, ends the job with its message; so does
-/// one that panics.
+/// Functions are *collective* unless stated otherwise: all processes must call them, in the same order. An error on one process becomes an
+/// error on all of them by a [vote](Self::agree), so that none waits for a process that has left. If the other processes do not come to the
+/// vote within the [patience](Self::set_patience), because they wait in another call, the process with the error ends the job with its
+/// message; so does a process that panics.
 #[derive(Debug)]
 pub struct World {
     rank: usize,
     size: usize,
     patience: Cell<Duration>,
-    /// MPI is used from the thread that started it.
+    /// Not `Send`: MPI is used only from the thread that started it.
     _thread: PhantomData<*const ()>,
 }
 
-/// Runs a program on all processes of a job: starts PETSc with options (`-pc_type hypre` and the like), does the work, says what went wrong
-/// once, and finishes.
+/// Runs a program on all processes of a job: starts PETSc with options (such as `-pc_type hypre`), calls the closure, prints an error once,
+/// and finalises PETSc and MPI.
 ///
 /// ```no_run
 /// use semismooth_petsc::run;
@@ -132,7 +132,7 @@ pub fn run(
     let say = |e: &Error| eprintln!("error: {}", chain(e));
     let outcome = match World::start(options) {
         Ok(world) => work(&world).inspect_err(|e| {
-            // While MPI runs: once it has ended, the first process to leave with an error takes the others with it.
+            // Print before MPI is finalised: afterwards the first process to exit with an error makes mpiexec kill the others.
             if world.rank == 0 {
                 say(e);
             }
@@ -149,10 +149,10 @@ pub fn run(
 }
 
 impl World {
-    /// Starts PETSc and MPI, with options of PETSc. Installs a panic hook which, after the one that was there, ends the job.
+    /// Starts PETSc and MPI, with options of PETSc. Installs a panic hook that calls the previous hook and then ends the job.
     ///
     /// # Errors
-    /// Started before in this process; arguments with a byte 0; what PETSc says.
+    /// Started before in this process; arguments with a zero byte; errors of PETSc.
     pub fn start(options: impl IntoIterator<Item = String>) -> Result<Self, Error> {
         static HOOK: Once = Once::new();
         let options = options.into_iter().collect::<Vec<_>>().join(" ");
@@ -173,7 +173,7 @@ impl World {
             }));
         });
         let (mut rank, mut size) = (0, 0);
-        // SAFETY: two numbers to be written.
+        // SAFETY: both pointers are valid for a write.
         unsafe { ffi::shim_world(&mut rank, &mut size) };
         Ok(Self {
             rank: rank as usize,
@@ -189,21 +189,21 @@ impl World {
         self.rank
     }
 
-    /// How many processes there are. Not collective.
+    /// Number of processes. Not collective.
     #[must_use]
     pub fn size(&self) -> usize {
         self.size
     }
 
-    /// Sets how long a process with an error waits for the others to vote before it ends the job by itself; 60 s at first. Not collective.
+    /// Sets how long a process with an error waits for the others to vote before it ends the job; default 60 s. Not collective.
     pub fn set_patience(&self, patience: Duration) {
         self.patience.set(patience);
     }
 
-    /// The result of this process, if all processes have one; else the error of the first that has none.
+    /// The result of this process, if all processes succeeded; else the error of the first one that failed.
     ///
     /// # Errors
-    /// The same in all processes, but for the source, which each has of its own.
+    /// The same on all processes, except for the source, which is the error of this process, if it has one.
     pub fn agree<T, E>(&self, own: Result<T, E>) -> Result<T, Error>
     where
         E: Into<Box<dyn StdError + Send + Sync>>,
@@ -211,14 +211,14 @@ impl World {
         self.settle(own.map_err(|e| Some(e.into())))
     }
 
-    /// As [`agree`](Self::agree); an error without content is that of another process.
+    /// As [`agree`](Self::agree); `Err(None)` means that another process has the error.
     pub(crate) fn settle<T>(
         &self,
         own: Result<T, Option<Box<dyn StdError + Send + Sync>>>,
     ) -> Result<T, Error> {
         let own = match own {
             Err(Some(e)) => match e.downcast::<Error>() {
-                // Agreed before, in all processes.
+                // All processes have agreed on this error already.
                 Ok(e) => return Err(*e),
                 Err(e) => Err(Some(e)),
             },
@@ -275,7 +275,7 @@ impl World {
         }
     }
 
-    /// Ends the job, at once.
+    /// Ends the job at once.
     fn abort(&self) -> ! {
         // SAFETY: MPI is running.
         unsafe { ffi::shim_abort(1) };
@@ -285,7 +285,7 @@ impl World {
     /// Sums over all processes, entry by entry.
     ///
     /// # Errors
-    /// What MPI says.
+    /// Errors of MPI.
     pub fn sum<const N: usize>(&self, mut values: [f64; N]) -> Result<[f64; N], Error> {
         let done = self.add(&mut values);
         self.agree(done.map(|()| values))
@@ -294,14 +294,13 @@ impl World {
     /// Maxima over all processes, entry by entry.
     ///
     /// # Errors
-    /// What MPI says.
+    /// Errors of MPI.
     pub fn max<const N: usize>(&self, mut values: [f64; N]) -> Result<[f64; N], Error> {
         let done = self.largest(&mut values);
         self.agree(done.map(|()| values))
     }
 
-    /// Floating-point operations in PETSc, in this process, since the start: what PETSc counts of matrices, vectors and solvers. Not
-    /// collective.
+    /// Floating-point operations that PETSc has counted on this process since the start. Not collective.
     #[must_use]
     pub fn operations(&self) -> f64 {
         let mut count = 0.0;
@@ -311,7 +310,7 @@ impl World {
         }
     }
 
-    /// Gives freed memory back to the system, before something large is made. Not collective.
+    /// Returns freed memory to the operating system, before something large is allocated. Not collective.
     pub(crate) fn trim(&self) {
         // SAFETY: it has no arguments.
         unsafe { ffi::shim_trim() };
@@ -325,14 +324,15 @@ impl World {
         call!(shim_max(values.as_mut_ptr(), values.len() as c_int))
     }
 
-    /// Of numbers of things, one a process: how many come before this process, and all.
+    /// From a count on each process: the sum over the processes before this one, and the sum over all.
     pub(crate) fn offset(&self, own: usize) -> Result<(usize, usize), PetscError> {
         let (mut before, mut all) = (0, 0);
         call!(shim_offset(own as i64, &mut before, &mut all))?;
         Ok((before as usize, all as usize))
     }
 
-    /// `width` numbers of each of the given rows, which are numbered through all processes in their order; `own` are those of this process.
+    /// Fetches the `width` numbers of each of the given rows, which are numbered consecutively over the processes; `own` has the numbers of
+    /// the rows of this process.
     pub(crate) fn fetch(&self, width: usize, own: &[f64], rows: &[Int]) -> Result<Vec<f64>, PetscError> {
         let mut out = vec![0.0; width * rows.len()];
         call!(shim_fetch(
@@ -348,13 +348,13 @@ impl World {
 }
 
 impl World {
-    /// Numbers for another process, which receives as many. Not collective.
+    /// Sends numbers to another process, which must receive as many. Not collective.
     fn send(&self, list: &[u64], to: usize) -> Result<(), PetscError> {
         let bytes = size_of_val(list) as i64;
         call!(shim_send(list.as_ptr().cast(), bytes, to as c_int))
     }
 
-    /// On process 0 the lists of all processes, elsewhere nothing.
+    /// The lists of all processes on process 0, nothing elsewhere.
     pub(crate) fn collect(&self, own: &[u64]) -> Result<Vec<Vec<u64>>, PetscError> {
         if self.rank > 0 {
             self.send_list(own, 0)?;
@@ -364,7 +364,7 @@ impl World {
         std::iter::once(Ok(own.to_vec())).chain(others).collect()
     }
 
-    /// To each process its list of those that process 0 has.
+    /// Sends each process its list from process 0.
     pub(crate) fn spread(&self, lists: &[Vec<u64>]) -> Result<Vec<u64>, PetscError> {
         if self.rank > 0 {
             return self.receive_list(0);
@@ -375,13 +375,13 @@ impl World {
         Ok(lists.first().cloned().unwrap_or_default())
     }
 
-    /// A list for another process, its length first. Not collective.
+    /// Sends a list to another process, its length first. Not collective.
     pub(crate) fn send_list(&self, list: &[u64], to: usize) -> Result<(), PetscError> {
         self.send(&[list.len() as u64], to)?;
         self.send(list, to)
     }
 
-    /// A list of another process. Not collective.
+    /// Receives a list from another process. Not collective.
     pub(crate) fn receive_list(&self, from: usize) -> Result<Vec<u64>, PetscError> {
         let mut length = [0];
         self.receive(&mut length, from)?;
@@ -390,7 +390,7 @@ impl World {
         Ok(list)
     }
 
-    /// Numbers of another process. Not collective.
+    /// Receives numbers from another process. Not collective.
     fn receive(&self, list: &mut [u64], from: usize) -> Result<(), PetscError> {
         let bytes = size_of_val(list) as i64;
         call!(shim_receive(list.as_mut_ptr().cast(), bytes, from as c_int))
@@ -405,11 +405,11 @@ impl Drop for World {
     }
 }
 
-/// An error with its sources.
+/// The message of an error and its sources.
 fn chain(error: &(dyn StdError + 'static)) -> String {
     let mut text = error.to_string();
     let mut source = match error.downcast_ref::<Error>() {
-        // The message has them already.
+        // The message contains the sources already.
         Some(Error::Agreed { .. } | Error::StepFailed { .. }) => None,
         _ => error.source(),
     };

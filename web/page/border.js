@@ -1,4 +1,4 @@
-// The computations, and how they are asked.
+// The interface to the computations in WebAssembly.
 const computations = (() => {
   let exports = null;
   let module = null;
@@ -9,7 +9,7 @@ const computations = (() => {
     module = await WebAssembly.compile(await new Response(unpacked).arrayBuffer());
     start();
   };
-  // Milliseconds in all answers.
+  // Total time of all answers, in milliseconds.
   let spent = 0;
   // The answer, {ok} or {error}.
   const ask = (question) => {
@@ -22,7 +22,7 @@ const computations = (() => {
       const answer = new Uint8Array(exports.memory.buffer, exports.answer_text(), length);
       return JSON.parse(new TextDecoder().decode(answer));
     } catch (error) {
-      // What stopped once is not to be asked again.
+      // After a trap the instance may be in an invalid state: use a new one.
       start();
       return { error: { message: `the computation stopped (${error.message}); please report the address of this page` } };
     } finally {

@@ -1,6 +1,6 @@
-// Sliders with a field for exact values beside them.
+// Sliders, each with a field for exact values.
 const element = (id) => document.getElementById(id);
-// The width that a drawing may have. Asking the browser between two changes makes it lay out the page: once is enough until the room changes.
+// The width available to a drawing. To query it between two changes forces a layout of the page, so it is cached until the size changes.
 const rooms = new Map();
 const available = (box, most) => {
   if (!rooms.has(box)) rooms.set(box, box.clientWidth);
@@ -8,7 +8,7 @@ const available = (box, most) => {
 };
 const clamp = (value, lower, upper) => Math.min(Math.max(value, lower), upper);
 
-// A slider; arrow keys go in steps of its own, so that exact values survive in between.
+// A slider with a field. Arrow keys move it by its own step from the exact value, which need not be a multiple of the step.
 const slider = ({ id, label, name, lower, upper, step, get, set }) => {
   const row = document.createElement('div');
   row.className = 'slider';
@@ -77,7 +77,7 @@ const download = (name, text) => {
 const signOf = (det) => (det === null || det === undefined ? '?' : det > 0 ? '+' : det < 0 ? '−' : '0');
 const indexSum = (sum) => (sum === null ? 'index sum unknown' : `index sum ${sum > 0 ? '+' : ''}${shown(sum, 0)}`);
 
-// Hovering and the arrow keys: the point of the curves that is looked at. `pictures` are the drawn ones, one for each svg in `box`.
+// The current point on the curves, chosen by pointer or arrow keys. `pictures` are the drawings, one for each svg in `box`.
 const explorer = (box, label, look) => {
   let pictures = [];
   let here = null; // [edge, point]
@@ -105,7 +105,7 @@ const explorer = (box, label, look) => {
     here = null;
     const texts = drawn.map((p) => p.text);
     const svgs = box.querySelectorAll('svg');
-    // The elements stay, so that the focus does.
+    // The elements are reused, so that they keep the focus.
     if (svgs.length !== texts.length) box.innerHTML = texts.join('');
     else {
       const shape = new DOMParser();
@@ -160,7 +160,7 @@ const explorer = (box, label, look) => {
     const right = event.key === 'ArrowRight' ? 1 : -1;
     const along = curves[edge].length > 1 && curves[edge][curves[edge].length - 1][0] < curves[edge][0][0] ? -right : right;
     if (curves[edge][k + along]) { go(edge, k + along); return; }
-    // On to the curve that begins where this one ends.
+    // Continue on the curve that begins where this one ends.
     const next = curves.findIndex((points, e) => e !== edge && [points[0], points[points.length - 1]].some((end) => end && Math.hypot(end[0] - a, end[1] - b) < 1e-9));
     if (next >= 0) { const last = curves[next].length - 1; go(next, Math.hypot(curves[next][0][0] - a, curves[next][0][1] - b) < 1e-9 ? Math.min(1, last) : Math.max(last - 1, 0)); }
   });

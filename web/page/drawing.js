@@ -1,5 +1,5 @@
-// Pictures as SVG text: axes, curves, marks and legends. Colours and signs are those of the crate's pictures, which colour-blind readers can
-// tell apart, and others as far apart on dark paper (tests/pictures.rs). Pieces beyond `cycle` are grey, as grazing is.
+// Pictures as SVG text: axes, curves, marks and legends. Colours and marks are those of the crate's pictures, which colour-blind readers
+// can tell apart; a dark background has other colours, equally far apart (tests/pictures.rs). Pieces beyond `cycle` are grey, like grazing.
 const palettes = {
   light: {
     paper: '#ffffff', ink: '#1a1a1a', faint: '#5c6166', grid: '#e3e6ea', body: '#dfe6ee',
@@ -15,7 +15,7 @@ const palettes = {
 const font = 'DejaVu Sans, Segoe UI, Roboto, sans-serif';
 
 const escaped = (text) => String(text).replace(/[&<>"]/g, (c) => ({ '&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;' }[c]));
-// Rounding errors read as 0, minus signs as minus signs.
+// Rounding errors are shown as 0, hyphens as minus signs.
 const shown = (value, digits = 4) => {
   if (value === null || !Number.isFinite(value)) return '?';
   const size = Math.abs(value);
@@ -25,7 +25,7 @@ const shown = (value, digits = 4) => {
 };
 const short = (value) => String(Number(value.toPrecision(6))).replace('-', '−');
 
-// u_t1 with its index set lower: for HTML and for SVG.
+// u_t1 with its index as a subscript, for HTML and for SVG.
 const subscripts = (text, lower) => escaped(text).replace(/([A-Za-zλμθα⁰¹²³])_([A-Za-zν0-9,]+)/g, (_, a, b) => a + lower(b));
 const inHtml = (text) => subscripts(text, (b) => `<sub>${b}</sub>`);
 const inSvg = (text) => subscripts(text, (b) => `<tspan dy="4" font-size="80%">${b}</tspan><tspan dy="-4">\u200b</tspan>`);
@@ -53,7 +53,7 @@ const ticks = ([lower, upper], wanted) => {
   return list;
 };
 
-// The range of some values with a margin.
+// The range of values, with a margin.
 const padded = (values) => {
   let [lower, upper] = [Math.min(...values), Math.max(...values)];
   if (!(upper > lower + 1e-9 * Math.max(1, Math.abs(lower)))) [lower, upper] = [lower - 1, upper + 1];
@@ -61,7 +61,7 @@ const padded = (values) => {
   return [lower - margin, upper + margin];
 };
 
-// Values that are met along enough of the horizontal axis, and those of events: curves that run off to infinity do not decide.
+// Values taken on a sufficient part of the horizontal axis, and those at events, so that curves that go to infinity do not set the range.
 const rangeOf = (curves, events) => {
   const weighted = [];
   for (const points of curves) {
@@ -82,12 +82,12 @@ const rangeOf = (curves, events) => {
   return padded(values.length ? values : [0]);
 };
 
-// What happens at a vertex, by its kind: the name of its mark.
+// The name of the mark of a vertex, by its kind.
 const events = {
   'pass-through': 'transition', fold: 'fold', 'smooth fold': 'smooth fold', 'vertical segment': 'vertical segment', branching: 'branching',
   'branch point': 'branching', end: 'end', isolated: 'isolated solution', undecided: 'undecided', start: 'start',
 };
-// Marks as the crate draws them, in the order of legends; 'these data' is where the sliders are.
+// Marks as the crate draws them, in the order of legends; 'these data' marks the current values of the sliders.
 const marks = {
   transition: (r) => `<circle r="${r}"/>`,
   fold: (r) => `<path d="M0,${-1.25 * r}L${1.15 * r},${0.85 * r}H${-1.15 * r}Z"/>`,
@@ -108,7 +108,7 @@ const mark = (kind, x, y, colours, r = 4.5) => {
   return `<g transform="translate(${x.toFixed(2)},${y.toFixed(2)})" fill="${fill}" stroke="${colours.ink}" stroke-width="1.5">${marks[kind](r)}</g>`;
 };
 
-// Axes of a picture: places, and the text of frame, ticks and labels.
+// Axes of a picture: the maps to positions, and the SVG of frame, ticks and labels.
 const axes = ({ width, height, x, y, xLabel, yLabel, title, legend, colours, name }) => {
   const size = 13;
   const rows = [];
@@ -154,12 +154,12 @@ const axes = ({ width, height, x, y, xLabel, yLabel, title, legend, colours, nam
 
 const polyline = (points, X, Y) => points.map(([a, b], k) => `${k ? 'L' : 'M'}${X(a).toFixed(2)},${Y(b).toFixed(2)}`).join('');
 
-// A diagram over its parameter. `value` is what is drawn of a point, `style` the class {label, colour} of an edge. `at` is the value of
-// the parameter that is marked, with the solutions there.
+// A diagram over its parameter. `value` gives the drawn quantity of a point, `style` the class {label, colour} of an edge. `at` is the
+// value of the parameter that is marked, with the solutions there.
 const diagramPicture = ({ diagram, value, style, range, at, solutions, colours, ...picture }) => {
   const place = (x) => [x[x.length - 1], value(x)];
   const curves = diagram.edges.map((edge) => edge.points.map(place));
-  // Starts, which nobody asked for here, are not marked.
+  // Starts are not marked: the page chooses them, not the user.
   const marked = diagram.vertices.filter((v) => v.number || v.kind === 'isolated');
   const y = rangeOf(curves, [...marked.map((v) => value(v.x)), ...solutions.map(value)]);
 
@@ -195,7 +195,7 @@ const diagramPicture = ({ diagram, value, style, range, at, solutions, colours, 
   for (const v of marked) text += mark(events[v.kind], X(place(v.x)[0]), Y(place(v.x)[1]), colours);
   text += '</g>' + frame.frame;
 
-  // Labels where nothing was written before.
+  // Labels where they do not overlap earlier ones.
   const taken = [];
   for (const v of marked.filter((e) => e.number)) {
     const [px, py] = [X(place(v.x)[0]), Y(place(v.x)[1])];

@@ -1,4 +1,4 @@
-// The tab with a formula of one's own.
+// The tab with the user's formula.
 const formulaTab = (() => {
   const fieldOf = [element('equation-0'), element('equation-1')];
   let current = null;
@@ -25,7 +25,7 @@ const formulaTab = (() => {
     element('formula-quantity-choice').hidden = unknowns === 1;
   };
 
-  // What is wrong under the equation it is in, with the place marked.
+  // An error is shown below its equation, with the place marked.
   const mistake = (error) => {
     fieldOf.forEach((field, k) => {
       const wrong = error?.equation === k;
@@ -62,7 +62,7 @@ const formulaTab = (() => {
   const redraw = () => {
     controls();
     const s = copyOf(state.formula);
-    // The curves stay while a moves.
+    // The curves are not recomputed while a moves.
     const { equations, range, reach } = s;
     const key = JSON.stringify([equations, range, reach]);
     const known = current?.key === key;

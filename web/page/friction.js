@@ -27,7 +27,7 @@ const frictionTab = (() => {
 
   let shownSliders = [];
   let shownKind = '';
-  // Makes the sliders anew where others are needed.
+  // Replaces the sliders if others are needed.
   const sliders = () => {
     const s = state[state.tab];
     const kind = `${state.tab} ${s.mode}`;
@@ -119,7 +119,7 @@ const frictionTab = (() => {
         const [a, b] = [X(moved[k][0]), Y(moved[k][1])];
         const [pressure, traction] = [point.x[2 * p + k], point.x[3 * p + k]];
         const size = (0.42 * zoom) / largest;
-        // What the foundation does to the body: λν upwards, λt against ut.
+        // Forces of the foundation on the body: λν upwards, λt against ut.
         const [da, db] = [-traction * size, -pressure * size];
         if (Math.hypot(da, db) > 3) {
           const angle = Math.atan2(db, da);
@@ -162,7 +162,7 @@ const frictionTab = (() => {
   };
   const explore = explorer(element('branches'), (k) => `Branches of solutions${nodes(state[state.tab]) === 1 ? '' : `, node ${k + 1}`}: arrow keys move along them`, look);
 
-  // The plane of a load and friction. What is drawn does not depend on where the current point is.
+  // The plane of a load and friction. The lines do not depend on the current point.
   const planeOf = (s) => {
     const p = nodes(s);
     const weights = s.mode === 'F' ? (p === 1 ? [1] : [1, s.ratio]) : s.F.map((f) => (s.F[0] === 0 ? 1 : f / s.F[0]));
@@ -220,7 +220,7 @@ const frictionTab = (() => {
     box.firstChild.setAttribute('role', 'img');
     box.firstChild.setAttribute('aria-label', `Transition set; these data are at ${planePoint(s).map((v) => shown(v)).join(', ')}`);
   };
-  // The lines take longer than a frame: they follow when the hand rests, unless the point alone has moved.
+  // The lines take longer than a frame: they are computed when the slider rests, and only if more than the point has changed.
   let later = 0;
   const showPlane = () => {
     clearTimeout(later);
@@ -232,7 +232,7 @@ const frictionTab = (() => {
         planeKey = key;
         planeLines = answer.ok ?? null;
         const notes = answer.error ? [answer.error.message] : answer.ok.notes;
-        element('plane-notes').textContent = notes.length ? `Not all lines could be followed: ${notes.join('; ')}` : 'Press where other data shall be taken from.';
+        element('plane-notes').textContent = notes.length ? `Not all lines could be followed: ${notes.join('; ')}` : 'Click at a point to take its data.';
         drawPlane();
       };
       if (planeLines === null) { find(); return; }
@@ -329,7 +329,7 @@ const frictionTab = (() => {
   });
   element('quantity').addEventListener('change', (event) => { state[state.tab].quantity = event.target.value; changed(); });
   element('plane').addEventListener('change', (event) => { state[state.tab].plane = Number(event.target.value); changed(); });
-  // One file for all nodes, on paper.
+  // One file for all nodes, in the light theme.
   element('save-branches').addEventListener('click', () => download('branches.svg', sideBySide(pictures(palettes.light, 480).map((p) => p.text), 480)));
   element('save-plane').addEventListener('click', () => download('transition-set.svg', planePicture(palettes.light, 480)));
   return { redraw, current: () => current };

@@ -2,8 +2,8 @@
 const colour = () => palettes[document.documentElement.classList.contains('dark') ? 'dark' : 'light'];
 const fail = (message) => { element('failure').hidden = !message; element('failure').textContent = message ?? ''; };
 const tabs = ['one', 'two', 'formula'];
-// What the last drawing took, in milliseconds, what of it went into computations, and how many there were: for the line at the end of the
-// page and for tests.
+// Time of the last drawing in milliseconds, the part spent on computations, and the number of drawings: for the footer of the page and for
+// tests.
 const drawn = { count: 0, milliseconds: 0, computed: 0 };
 
 let ready = false;
@@ -17,7 +17,7 @@ const redraw = () => {
   element('time').textContent = `Computed and drawn in ${drawn.milliseconds.toFixed(1)} ms.`;
 };
 
-// At most one drawing a frame; the address follows when the hand rests, since browsers limit how often it changes.
+// At most one drawing per frame; the address is updated when input pauses, since browsers limit the rate of changes.
 let wanted = false;
 let resting = 0;
 const changed = () => {
@@ -68,7 +68,7 @@ element('theme').addEventListener('click', () => { setTheme(!document.documentEl
 const preferred = matchMedia('(prefers-color-scheme: dark)');
 preferred.addEventListener('change', () => { setTheme(preferred.matches); redraw(); });
 
-// The event's own address: the page may have written another one since.
+// The address in the event: the page may have changed its own since.
 addEventListener('hashchange', (event) => { if (readAddress(new URL(event.newURL).hash)) { showTab(); changed(); } });
 let lastWidth = 0;
 addEventListener('resize', () => { if (innerWidth !== lastWidth) { lastWidth = innerWidth; rooms.clear(); changed(); } });

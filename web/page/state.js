@@ -1,4 +1,4 @@
-// What the page shows, and the address that holds it.
+// The state of the page, and its encoding in the address.
 const zeros = (n) => Array(n).fill(0);
 const friction = (nodes, data) => ({
   lambda: 1, mu: 1, mode: 'F', rate: zeros(2 * nodes), F: Array(nodes).fill(nodes === 1 ? 3 : 4), ratio: 1,
@@ -19,8 +19,8 @@ const examples = {
   ],
   formula: [
     ['A fold at a kink', { equations: ['abs(x) = a', ''], range: [-1, 2], at: 1, reach: 3, quantity: 0 }],
-    ['Two that hold each other down', { equations: ['x = max(0, min(2, a - 1.6*y))', 'y = max(0, min(2, 1 - 1.6*x))'], range: [-1, 3], at: 1, reach: 3, quantity: 0 }],
-    ['A cubic with a rectifier behind it', { equations: ['x^3 - x = a', 'y = max(x, 0)'], range: [-1, 1], at: 0, reach: 2, quantity: 1 }],
+    ['Mutual inhibition: two saturated unknowns', { equations: ['x = max(0, min(2, a - 1.6*y))', 'y = max(0, min(2, 1 - 1.6*x))'], range: [-1, 3], at: 1, reach: 3, quantity: 0 }],
+    ['A cubic followed by a rectifier', { equations: ['x^3 - x = a', 'y = max(x, 0)'], range: [-1, 1], at: 0, reach: 2, quantity: 1 }],
     ['A tunnel diode, 1 kΩ in series', {
       equations: ['a = y + x', 'y = 10*x - 14*max(x - 0.1, 0) + 4*max(x - 0.35, 0) + 0.001*(exp(x/0.075) - 1)'],
       range: [0, 2], at: 0.8, reach: 1, quantity: 1,
@@ -30,7 +30,7 @@ const examples = {
 const copyOf = (value) => JSON.parse(JSON.stringify(value));
 const state = { tab: 'one', one: copyOf(examples.one[0][1]), two: copyOf(examples.two[0][1]), formula: copyOf(examples.formula[0][1]) };
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
-// What an example fixes; where one looks is free.
+// The keys that an example fixes; those of the view remain free.
 const data = ({ lambda, mu, mode, load, rate, F, ratio, range, equations, reach }) => ({ lambda, mu, mode, load, rate, F, ratio, range, equations, reach });
 
 // Names in the address, with their readers and writers.
@@ -57,7 +57,7 @@ const address = () => {
   })];
   return '#' + new URLSearchParams(list).toString();
 };
-// Takes what the address says and is well formed; false if it says nothing.
+// Reads the well-formed entries of the address; false if there are none.
 const readAddress = (hash) => {
   const given = new URLSearchParams(hash.slice(1));
   const tab = given.get('tab');

@@ -1,5 +1,5 @@
-//! The border to the browser, without any tool that writes glue: the page asks for room for its question, writes it there, and
-//! reads the answer where it is told. Nothing else crosses, errors are part of the answer.
+//! The interface to the browser, without generated bindings: the page requests a buffer for its question, writes the question there, and
+//! reads the answer from the address that is returned. Errors are part of the answer.
 
 use std::cell::RefCell;
 
@@ -8,7 +8,7 @@ thread_local! {
     static ANSWER: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// Makes room for a question of `length` bytes and tells where it is. What the page held of the memory before is stale.
+/// Allocates a buffer for a question of `length` bytes and returns its address. Invalidates earlier views of the memory in the page.
 #[allow(unsafe_code, reason = "the name is exported")]
 #[unsafe(no_mangle)]
 pub extern "C" fn question(length: usize) -> *mut u8 {
@@ -19,7 +19,7 @@ pub extern "C" fn question(length: usize) -> *mut u8 {
     })
 }
 
-/// Answers the question that was written and tells the number of bytes of the answer.
+/// Answers the question in the buffer and returns the length of the answer in bytes.
 #[allow(unsafe_code, reason = "the name is exported")]
 #[unsafe(no_mangle)]
 pub extern "C" fn answer_question() -> usize {
@@ -30,7 +30,7 @@ pub extern "C" fn answer_question() -> usize {
     })
 }
 
-/// Where the answer is, in UTF-8.
+/// The address of the answer, in UTF-8.
 #[allow(unsafe_code, reason = "the name is exported")]
 #[unsafe(no_mangle)]
 pub extern "C" fn answer_text() -> *const u8 {

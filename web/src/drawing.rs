@@ -16,20 +16,20 @@ pub(crate) struct Drawing {
     isolas: usize,
     points: usize,
     complete: bool,
-    /// In the words of the library.
+    /// What is known of the completeness, in the words of the library.
     completeness: String,
 }
 
 #[derive(Debug, Serialize)]
 struct Vertex {
     kind: &'static str,
-    /// T1, T2, …: its place among the points where something changes, in the order in which the branches meet them.
+    /// Its number in the labels T1, T2, …: vertices at which the solution changes, in the order in which the branches meet them.
     #[serde(skip_serializing_if = "Option::is_none")]
     number: Option<usize>,
     x: Vec<f64>,
-    /// The pieces on each arm; where a branch was followed, in the order in which it was.
+    /// The pieces on each arm, in the order in which the branch is followed.
     arms: Vec<Vec<String>>,
-    /// Of friction problems: θ¹, θ², θ³ of each node.
+    /// For friction problems: θ¹, θ², θ³ of each node.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     theta: Vec<[f64; 3]>,
 }
@@ -55,12 +55,12 @@ struct Branch {
     closed: bool,
 }
 
-/// What a problem says of its diagrams.
+/// The labels of a problem in its diagrams.
 pub(crate) trait Words {
-    /// The piece of each site of a selection; of those at `grazing` the curve runs between two.
+    /// The piece of each site of a selection; at the sites in `grazing` the curve runs inside a facet, between two pieces.
     fn pieces(&self, selection: &Selection, grazing: &[usize]) -> Vec<String>;
 
-    /// The test functions at x, if they are to be listed.
+    /// The test functions at x, for problems that list them.
     fn theta(&self, x: &[f64]) -> Vec<[f64; 3]>;
 }
 
@@ -102,7 +102,7 @@ impl Drawing {
                     vertex.number = Some(next);
                     next += 1;
                     vertex.theta = words.theta(&vertex.x);
-                    // The arm of arrival stands first.
+                    // The arm of arrival comes first.
                     if end == to && arms.len() > 1 {
                         vertex.arms.swap(0, end.arm);
                     }
@@ -148,8 +148,8 @@ fn ends(
     }
 }
 
-/// The edges of a branch, each with whether it is walked against its direction. The talk begins where α is large, on the side of a
-/// positive determinant.
+/// The edges of a branch, each with whether it is traversed backwards. As in the talk, a branch begins at the end with a positive
+/// determinant, or else at the larger α.
 fn walk(diagram: &Diagram, branch: &DiagramBranch) -> Vec<(usize, bool)> {
     let end = |&(e, back): &(usize, bool), last: bool| {
         let points = &diagram.edges()[e].points;

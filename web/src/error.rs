@@ -12,7 +12,7 @@ use serde::Serialize;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// No question of this page.
+    /// Text that is not a question of this page.
     #[error("the question is not understood")]
     Question(#[source] serde_json::Error),
     /// A number out of its range.
@@ -20,9 +20,9 @@ pub enum Error {
     Value {
         /// Its name.
         what: String,
-        /// What it is.
+        /// Its value.
         value: f64,
-        /// What it must be.
+        /// The range, in words.
         range: &'static str,
     },
     /// A list of the wrong length.
@@ -59,7 +59,7 @@ pub enum Error {
 #[derive(Serialize)]
 pub(crate) struct Told {
     message: String,
-    /// Of a formula: which equation, and the characters from `from` to before `to`, counted as the browser counts them (UTF-16).
+    /// For formulas: the equation, and its characters from `from` to before `to`, in UTF-16 units as in the browser.
     #[serde(skip_serializing_if = "Option::is_none")]
     equation: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -92,7 +92,7 @@ impl From<Error> for Told {
     }
 }
 
-/// Refuses values outside a closed interval, NaN among them.
+/// Rejects values outside a closed interval, and NaN.
 pub(crate) fn within(
     what: &str,
     value: f64,
@@ -109,7 +109,7 @@ pub(crate) fn within(
     }
 }
 
-/// Refuses numbers beyond a million, and intervals that are empty or of no width to speak of.
+/// Rejects bounds beyond a million, and intervals that are empty or of negligible width.
 pub(crate) fn interval(what: &str, [lower, upper]: [f64; 2]) -> Result<(), Error> {
     within(what, lower, (-1e6, 1e6), "between -1e6 and 1e6")?;
     within(what, upper, (-1e6, 1e6), "between -1e6 and 1e6")?;

@@ -1,4 +1,4 @@
-//! Equations of one's own: one or two of them in x, y and the parameter a.
+//! Equations of the user: one or two of them in x, y and the parameter a.
 
 use semismooth::continuation::{Diagram, SearchOptions, search_solutions};
 use semismooth::enumeration::{EnumerationError, EnumerationOptions};
@@ -10,10 +10,10 @@ use crate::drawing::{Drawing, Words};
 use crate::error::{Error, interval, within};
 use crate::friction::{Solutions, listed, options, sections};
 
-/// Kinks in all equations together.
+/// Largest number of kinks in all equations together.
 const MOST_SITES: usize = 10;
 
-/// Equations, the range of the parameter, the value at which solutions are listed, and how far from 0 they are looked for.
+/// Equations, the range of the parameter, the value at which solutions are listed, and the distance from 0 up to which they are searched.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Formula {
@@ -21,11 +21,11 @@ pub(crate) struct Formula {
     range: [f64; 2],
     at: f64,
     reach: f64,
-    /// Whether the diagram is asked for, beside the solutions.
+    /// Whether to compute the diagram besides the solutions.
     diagram: bool,
 }
 
-/// What is known of a formula.
+/// The results for a formula.
 #[derive(Debug, Serialize)]
 pub(crate) struct Explored {
     /// Number of unknowns: 1 (x) or 2 (x, y).
@@ -38,9 +38,9 @@ pub(crate) struct Explored {
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 enum Listed {
-    /// Where the pieces are affine.
+    /// All solutions, if the pieces are affine.
     All(Solutions),
-    /// What a search from many starts has found.
+    /// Else those that a search from many starts has found.
     Found(Found),
 }
 
@@ -48,9 +48,9 @@ enum Listed {
 struct Found {
     solutions: Vec<FoundSolution>,
     index_sum: Option<i64>,
-    /// A search never knows.
+    /// Always false: a search cannot prove completeness.
     complete: bool,
-    /// In the words of the library.
+    /// What is known of the completeness, in the words of the library.
     completeness: String,
 }
 
@@ -62,7 +62,7 @@ struct FoundSolution {
     index: Option<i8>,
 }
 
-/// The pieces of each site in the words of the formula.
+/// The pieces of each site, as text of the formula.
 struct Pieces(Vec<[String; 2]>);
 
 impl Words for Pieces {
@@ -120,7 +120,7 @@ impl Formula {
         Ok(Diagram::explore(map, &starts, &options)?)
     }
 
-    /// Few starts: the page waits.
+    /// Few starts, since the page waits for the result.
     fn search(&self) -> SearchOptions {
         SearchOptions::default()
             .with_starts(30)

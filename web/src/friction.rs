@@ -1,4 +1,4 @@
-//! The talk's models with one and two contact nodes, with free loads, stiffness and friction.
+//! The models of the talk with one and two contact nodes, with any load, stiffness and friction.
 
 use semismooth::contact::{
     ContactState, FrictionCoefficient, FullContact, HildRenard, LoadPath, PlanarCoulomb,
@@ -18,8 +18,8 @@ pub(crate) type Map = FullContact<PlanarCoulomb>;
 const R: f64 = 1.0;
 /// Longest step of a curve, in widths of the range.
 const STEP: f64 = 0.02;
-/// Where solutions are listed for starts, in widths of the range from its upper end. None of them is a number that a problem would
-/// have an event at.
+/// Sections at which all solutions are listed as starts, in widths of the range from its upper end. The values are not round, to avoid
+/// transitions.
 const SECTIONS: [f64; 5] = [0.0, 0.237_3, 0.481_9, 0.723_1, 0.941_7];
 
 /// A u + Bνᵀ λν + Btᵀ λt = load + α rate, with the coefficients of friction F = friction + α friction_rate.
@@ -47,17 +47,17 @@ pub(crate) struct Solutions {
     continua: Vec<Continuum>,
     index_sum: Option<i64>,
     complete: bool,
-    /// In the words of the library.
+    /// What is known of the completeness, in the words of the library.
     completeness: String,
 }
 
 #[derive(Debug, Serialize)]
 struct Solution {
     x: Vec<f64>,
-    /// The pieces of a selection that holds there, and how many do.
+    /// The pieces of a selection that is active there, and the number of active selections.
     pieces: Vec<String>,
     selections: f64,
-    /// Signs of the determinants of the selections that are named.
+    /// Signs of the determinants of the active selections that the library lists.
     det: Vec<Option<i8>>,
     index: Option<i8>,
 }
@@ -69,7 +69,7 @@ struct Continuum {
     ends: Vec<Vec<f64>>,
 }
 
-/// What happens at a point.
+/// States, test functions and residual at a point.
 #[derive(Debug, Serialize)]
 pub(crate) struct At {
     pieces: Vec<String>,
@@ -92,7 +92,7 @@ impl Words for Map {
     }
 }
 
-/// A complete list in the words of a problem.
+/// All solutions at one α, with the labels of the problem.
 pub(crate) fn listed(
     map: &dyn PiecewiseSmooth,
     words: &impl Words,
@@ -123,7 +123,7 @@ pub(crate) fn listed(
     })
 }
 
-/// How curves are followed that shall look smooth in a range, and end somewhere.
+/// Options for curves that look smooth over a range, with bounds on their length.
 pub(crate) fn options([lower, upper]: [f64; 2]) -> DiagramOptions {
     let mut options = DiagramOptions::default()
         .with_parameter_range((lower, upper))
@@ -229,7 +229,7 @@ impl Problem {
     }
 }
 
-/// The stiffness matrix that the talk prints for its model with two contact nodes.
+/// The stiffness matrix of the model with two contact nodes, as printed in the talk.
 fn two_nodes(lambda: f64, mu: f64) -> Result<Matrix, Error> {
     let (shear, half, normal) = (0.5 * mu, 0.5 * lambda, 0.5 * (lambda + 2.0 * mu));
     let both = lambda + 3.0 * mu;

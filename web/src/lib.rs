@@ -1,5 +1,5 @@
-//! What the page asks for, as JSON in and JSON out: diagrams, complete lists, points and transition sets of friction problems with
-//! one and two contact nodes, and diagrams of formulas. [`answer`] is the whole of it; `border` hands its text to the browser.
+//! Answers to the questions of the page, JSON in and JSON out: diagrams, complete lists, points and transition sets of friction problems
+//! with one and two contact nodes, and diagrams of formulas. [`answer`] is the only public function; `border` connects it to the browser.
 
 mod border;
 mod drawing;
@@ -53,6 +53,6 @@ fn text<T: Serialize>(outcome: Result<T, Error>) -> String {
         Ok(value) => Answer::Ok(value),
         Err(error) => Answer::Error(error.into()),
     };
-    // Maps of texts and lists of numbers have no other way to fail.
+    // Serialising strings, numbers and lists to JSON cannot fail otherwise.
     serde_json::to_string(&answer).unwrap_or_else(|e| format!(r#"{{"error":{{"message":"{e}"}}}}"#))
 }

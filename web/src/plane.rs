@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, interval};
 use crate::friction::{Map, Problem, options};
 
-/// Values of the load and of the coefficient of friction at which transitions are looked for.
+/// Numbers of loads and of coefficients of friction at which transitions are computed.
 const COLUMNS: usize = 7;
 const ROWS: usize = 3;
-/// Test functions that vanish at a transition are this small.
+/// Test functions below this value vanish at a transition.
 const VANISHED: f64 = 1e-8;
-/// A transition this near to a line found before lies on it.
+/// Relative distance up to which a transition lies on a line found before.
 const SAME: f64 = 1e-6;
 
 /// Loads base + β direction, coefficients of friction α weights, and the window of both.
@@ -31,11 +31,11 @@ pub(crate) struct Plane {
     friction: [f64; 2],
 }
 
-/// The lines of the plane.
+/// The lines of the transition set.
 #[derive(Debug, Serialize)]
 pub(crate) struct Lines {
     lines: Vec<Line>,
-    /// Why lines end inside the window, where they do.
+    /// Reasons for lines that end inside the window.
     notes: Vec<String>,
 }
 
@@ -51,7 +51,7 @@ struct Line {
     folds: Vec<Option<bool>>,
 }
 
-/// A transition of one of the problems.
+/// A transition at a fixed load or at a fixed coefficient of friction.
 struct Seed {
     node: usize,
     test: usize,
@@ -150,7 +150,7 @@ impl Plane {
             .with_max_points(600)
             .with_max_arclength(20.0 * (self.load[1] - self.load[0]));
         let alpha = seed.x.len() - 2;
-        // Lines run along either axis; none of them is likely to be orthogonal to this.
+        // Lines run roughly along one of the axes: a direction that is unlikely to be orthogonal to any of them.
         let mut along = vec![0.0; seed.x.len()];
         along[alpha] = sign;
         along[alpha + 1] = sign * std::f64::consts::SQRT_2;
@@ -182,13 +182,13 @@ impl Plane {
     }
 }
 
-/// Interior values of an interval, at no round numbers.
+/// Interior values of an interval, not at round fractions.
 fn spread([lower, upper]: [f64; 2], count: usize) -> Vec<f64> {
     let at = |k: usize| lower + (upper - lower) * (k as f64 + 0.517) / count as f64;
     (0..count).map(at).collect()
 }
 
-/// The transitions of a problem, `complete` making (u, λν, λt, α, β) of their x.
+/// The transitions of a problem; `complete` turns their x into (u, λν, λt, α, β).
 fn transitions(problem: &Problem, complete: impl Fn(&mut Vec<f64>)) -> Result<Vec<Seed>, Error> {
     let map = problem.map()?;
     let diagram = problem.explore(&map)?;
@@ -197,7 +197,7 @@ fn transitions(problem: &Problem, complete: impl Fn(&mut Vec<f64>)) -> Result<Ve
         for (node, theta) in map.theta(&vertex.x).iter().enumerate() {
             let open = theta[0] < -VANISHED;
             for (test, value) in theta.iter().enumerate() {
-                // An open node has no other kink.
+                // For an open node only θ¹ is a kink.
                 if value.abs() <= VANISHED && (test == 0 || !open) {
                     let mut x = vertex.x.clone();
                     complete(&mut x);
@@ -209,7 +209,8 @@ fn transitions(problem: &Problem, complete: impl Fn(&mut Vec<f64>)) -> Result<Ve
     Ok(seeds)
 }
 
-/// Whether a line passes through a transition: it stops at the columns and tells where it crosses the rows.
+/// Whether a line passes through a transition. Lines have points exactly on the columns (their targets), and their crossings with the rows
+/// are monitored.
 fn passes(branch: &Branch, x: &[f64]) -> bool {
     let near = |point: &[f64]| {
         let far = point

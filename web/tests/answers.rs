@@ -1,4 +1,4 @@
-//! What the page is told, against the talk's printed tables, exact arithmetic, closed forms and the crate's own functions.
+//! Answers to the page, compared with the printed tables of the talk, exact arithmetic, closed forms and the crate's own functions.
 
 use proptest::prelude::*;
 use semismooth::contact::{HildRenard, HildRenardCase};
@@ -37,7 +37,7 @@ fn problem(case: &Value, range: [f64; 2]) -> Value {
     })
 }
 
-/// The talk's six examples with their windows.
+/// The six examples of the talk with their ranges.
 const EXAMPLES: [(&str, [f64; 2]); 6] = [
     ("p1_ex1", [-0.5, 10.0]),
     ("p1_ex2", [-0.5, 10.0]),
@@ -85,7 +85,7 @@ fn the_six_diagrams_have_the_vertices_of_exact_arithmetic() {
 
 #[test]
 fn transitions_of_two_nodes_have_the_printed_theta() {
-    // p = 2, Example 1: T1, T2, T3, truncated to four decimals, of a load that is rounded to as many.
+    // p = 2, Example 1: T1, T2, T3, printed with four decimals (truncated), for a load rounded to four decimals.
     let printed = [
         (1, [[0.4, -4.2834, 0.0], [1.3717, -9.4859, 5.2025]]),
         (2, [[0.4, -3.0019, -0.6407], [1.0513, -6.2056, 0.0]]),
@@ -122,7 +122,7 @@ fn lists_of_all_solutions_are_those_of_exact_arithmetic_and_proven() {
             let problem = problem(&case, range);
             let found = ask(&json!({"ask": "solutions", "problem": problem, "alpha": alpha}));
             let exact = case["solutions"][k].as_array().unwrap();
-            // Transitions lie at fractions; the nearest floating-point number is another problem.
+            // Transitions lie at fractions, which floating-point numbers do not represent exactly.
             let at_transition = exact.iter().any(|s| s["margin"] == 0.0);
             if at_transition || !found["continua"].as_array().unwrap().is_empty() {
                 continue;
@@ -227,7 +227,7 @@ fn the_drawn_triangles_have_the_stiffness_of_the_models() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// One node against the closed forms of Hild and Renard: as many branches as they say, every point on one of them.
+    /// One node compared with the closed forms of Hild and Renard: the same number of branches, and every point on one of them.
     #[test]
     fn diagrams_of_one_node_are_those_of_hild_and_renard(
         normal in -3.0..3.0, tangential in -6.0..6.0, lambda in 0.2..4.0, mu in 0.2..4.0,
@@ -259,7 +259,7 @@ proptest! {
         prop_assert!(branches == 1 || two, "{branches} branches");
     }
 
-    /// Whatever is asked, there is an answer.
+    /// Every question has an answer.
     #[test]
     fn nothing_panics(
         load in prop::collection::vec(-1e3..1e3, 0..6), friction in prop::collection::vec(-9.0..9.0, 0..4),
@@ -353,7 +353,7 @@ fn affine_formulas_are_listed_with_a_proof() {
 
 #[test]
 fn formulas_within_each_other_are_read_as_they_are_meant() {
-    // Precedence, powers from the right, signs before powers, several arguments: each equation has the solution beside it at a = 2.
+    // Precedence, right-associative powers, signs before powers, several arguments: (equation, its solution at a = 2).
     for (text, x) in [
         ("x = -2^2", -4.0),
         ("x = 2^3^2 - 500", 12.0),

@@ -1,7 +1,7 @@
-"""The page in a real Chromium without a window, driven through its DevTools over a pipe; Python's standard library alone.
+"""Tests of the page in headless Chromium, driven by its DevTools protocol over a pipe; needs only Python's standard library.
 
 Usage: browser.py PAGE CRATE.json [--pictures FOLDER]
-PAGE is the built index.html; CRATE.json holds questions and the answers of the crate compiled for this machine.
+PAGE is the built index.html; CRATE.json has questions and the answers of the crate in native code.
 """
 
 import argparse
@@ -24,7 +24,7 @@ PATIENCE = 60.0
 
 
 class Browser:
-    """One browser with one page. What it says on the console is kept."""
+    """One browser with one page. Its console messages are recorded."""
 
     def __init__(self, program):
         self.profile = tempfile.mkdtemp()
@@ -32,7 +32,7 @@ class Browser:
         self.reading, from_browser = os.pipe()
 
         def pipes():
-            # Either may be where the other has to go.
+            # Each of the two descriptors may have the number that the other must get.
             spare = [os.dup(to_browser), os.dup(from_browser)]
             os.dup2(spare[0], 3)
             os.dup2(spare[1], 4)
@@ -94,7 +94,7 @@ class Browser:
         return answer["result"]
 
     def run(self, script):
-        """The value of an expression in the page, or of the promise that it is."""
+        """The value of an expression in the page; promises are awaited."""
         answer = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in answer:
             raise RuntimeError(answer["exceptionDetails"])
@@ -115,7 +115,7 @@ class Browser:
             return False
 
     def open(self, address):
-        # From nothing: another state of the same page would be no new page, and what is waited for would be there already.
+        # From a blank page: another state of the same page would not reload it, and the wait below would end at once.
         self.call("Page.navigate", url="about:blank")
         self.wait("location.href === 'about:blank'")
         self.call("Page.navigate", url=address)
@@ -139,7 +139,7 @@ class Browser:
         )
 
     def settle(self):
-        """Until what was changed is drawn."""
+        """Waits until the change is drawn."""
         self.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def picture(self, path):
@@ -184,7 +184,7 @@ class Page(unittest.TestCase):
     def setUp(self):
         self.browser.size(1280, 900)
         self.browser.said.clear()
-        # Another document each time, whatever the address says.
+        # A new document each time, whatever the address is.
         self.browser.call("Page.navigate", url="about:blank")
 
     def tearDown(self):
@@ -205,7 +205,7 @@ class Page(unittest.TestCase):
         return sum(metrics[name] for name in ["ScriptDuration", "LayoutDuration", "RecalcStyleDuration"])
 
     def same(self, a, b, path=""):
-        """Equal texts, numbers to rounding: other machines may sum and take roots in another order."""
+        """Equal texts, numbers up to rounding: the order of sums may differ between compilations."""
         if isinstance(b, float) or isinstance(a, float):
             self.assertTrue(abs(a - b) <= 1e-9 * (1 + abs(b)), f"{path}: {a} and {b}")
         elif isinstance(b, dict):
@@ -262,7 +262,7 @@ class Page(unittest.TestCase):
             self.assertGreater(after[0], before[0] + 20)
             self.assertNotEqual(after[1], before[1])
             self.assertLess(after[2], -2.0)
-            # What is shown is what the computations say of the data that the slider shows now.
+            # The page shows the results for the current data of the slider.
             self.assertTrue(self.browser.run(
                 "same(frictionTab.current().diagram, computations.ask({ ask: 'diagram', problem: frictionTab.current().problem }).ok)"
                 " && frictionTab.current().problem.load[1] === Number(document.querySelector('#load-1-exact').value)"
@@ -277,7 +277,7 @@ class Page(unittest.TestCase):
         self.load("#tab=two")
         rows = self.browser.run("[...document.querySelectorAll('#transitions tbody tr')].map((r) => [...r.cells].map((c) => c.textContent))")
         self.assertEqual([row[0] for row in rows], ["T1", "T2", "T3"])
-        # T2 as the talk prints it, which truncates the digits of a load that it rounds.
+        # T2 as printed in the talk, with truncated digits, for a rounded load.
         printed = [0.4, -3.0019, -0.6407, 1.0513, -6.2056, 0.0]
         found = [float(v.replace("−", "-")) for v in rows[1][4:]]
         for a, b in zip(found, printed):
@@ -306,7 +306,7 @@ class Page(unittest.TestCase):
             seen.add(self.browser.run("document.querySelector('#here').textContent"))
         self.assertGreater(len(seen), 2)
         self.assertTrue(all("u" in text and "θ" in text for text in seen), seen)
-        # Everything that takes the focus has a name.
+        # Every focusable element has an accessible name.
         nameless = self.browser.run(
             "[...document.querySelectorAll('input, select, button, svg[tabindex], [role=group]')].filter((e) =>"
             " !(e.getAttribute('aria-label') || e.labels?.length || e.textContent.trim())).map((e) => e.outerHTML)"
@@ -341,7 +341,7 @@ class Page(unittest.TestCase):
         self.assertEqual(self.browser.run(shown), before)
         self.browser.run("location.hash = '#' + new URLSearchParams({ tab: 'formula', equations: 'abs(x) - a\\n', range: '-1,3', at: '2' })")
         self.browser.wait("!document.querySelector('#panel-formula').hidden && document.querySelector('#formula-certificate').textContent.startsWith('2 solutions')")
-        # What is malformed is left as it was.
+        # Malformed entries leave the state unchanged.
         self.browser.run("location.hash = '#tab=one&load=1,x&lambda=&range=5&mode=sideways'")
         self.browser.wait("state.tab === 'one' && !document.querySelector('#panel-friction').hidden")
         self.assertEqual(self.browser.run("[state.one.load, state.one.lambda, state.one.range, state.one.mode]"), [[1.5, 7], 1, [-0.5, 10], "F"])
@@ -394,7 +394,7 @@ class Page(unittest.TestCase):
                     self.browser.picture(self.pictures / f"{name}-{width}-{'dark' if dark else 'light'}.png")
 
     def overlaps(self):
-        """Texts of drawings that lie over each other, or leave their drawing."""
+        """Texts in drawings that overlap each other or extend beyond their drawing."""
         return self.browser.run("""(() => {
             const found = [];
             for (const svg of document.querySelectorAll('main:not([hidden]) svg')) {

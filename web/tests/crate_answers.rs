@@ -1,5 +1,4 @@
-//! Questions with the answers that the crate gives on this machine, for the test in the browser: written to the file that
-//! `CRATE_ANSWERS` names.
+//! Questions with the answers of the crate in native code, for the test in the browser: written to the file in `CRATE_ANSWERS`.
 
 use serde_json::{Value, json};
 

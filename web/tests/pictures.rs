@@ -1,4 +1,4 @@
-//! Colours and signs of the page's pictures, as its script states them.
+//! Colours and marks of the pictures of the page, as defined in its script.
 
 #[path = "../../tests/support/vision.rs"]
 mod vision;
@@ -52,7 +52,7 @@ fn light_colours_are_those_of_the_crate() {
     assert_eq!(cycle(light), names.map(constant));
 }
 
-/// No two colours that stand in one picture are nearer than 20 in CIELAB to each other or to the paper, for any reader.
+/// Colours in one picture differ from each other and from the background by at least 20 in CIELAB, also for colour-blind readers.
 #[test]
 fn colours_of_both_palettes_differ_for_every_reader() {
     for name in ["light: {", "dark: {"] {

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Contact in space by PETSc's algebraic multigrid, beside the crate's own, on the same body in the same run.
+"""Contact in space by PETSc's algebraic multigrid, compared with the crate's own, on the same body in the same run.
 
     python3 benches/peers/petsc_contact/compare.py [--cells 40x38x20] [--cells 88x84x44] [--runs 1] [options of PETSc]
 
-A block held at the left, pressed on top, pulled at the right, on the ground with F = 0.3: `petsc/`'s program `large` on one process (Newton's
-method and the laws of `semismooth`; matrices, GAMG and GMRES of PETSc) and the example `contact_size --route displacements` on one thread, one
-after the other, --runs times. Both solve α = 1 from nothing and α = 1.05 from there, to the same tolerance. Told are processor seconds (user and
-system) and the most memory of each program as a whole, mesh and assembly included; of several runs the least. Builds both; needs PETSc, MPI
-and what petsc/README.md says.
+A block fixed at the left, pressed on top, pulled at the right, on a foundation with F = 0.3: the program `large` of `petsc/` on one
+process (Newton's method and the laws of `semismooth`; matrices, GAMG and GMRES of PETSc) and the example `contact_size --route
+displacements` on one thread, one after the other, --runs times. Both solve at α = 1 from zero, then at α = 1.05 from that solution, to the
+same tolerance. Prints processor time (user and system) and peak memory of each whole program, including mesh and assembly; the least of
+several runs. Builds both; needs PETSc, MPI and the tools in petsc/README.md.
 """
 
 import argparse
@@ -33,7 +33,7 @@ def build():
 
 
 def run(command, environment):
-    """What a program says, its processor seconds and its largest resident set in MiB."""
+    """The output of a program, its processor time in seconds and its peak resident set in MiB."""
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as program:
         said = program.stdout.read()
         _, status, usage = os.wait4(program.pid, 0)
@@ -52,7 +52,7 @@ def of_petsc(said):
 
 
 def of_crate(said):
-    """The same of the row of `contact_size`, and of the line below it."""
+    """The same from the output of `contact_size`: its row, and the line below."""
     row = re.search(r"^ *\d+x\d+x\d+ .*$", said, re.MULTILINE).group().split()
     states = re.search(r"open (\d+), stick (\d+), slip (\d+)", said)
     return (row[1], row[2]), row[9], row[10], states.groups()

@@ -19,7 +19,7 @@ pub enum CommandError {
         /// Why not.
         source: io::Error,
     },
-    /// A run file that is no TOML, or has keys or values of other kinds; the message has the line.
+    /// A run file that is not TOML, has unknown keys, or values of the wrong type; the message has the line.
     #[error("{path}: {source}")]
     Toml {
         /// The file.
@@ -27,7 +27,7 @@ pub enum CommandError {
         /// What is wrong, and where.
         source: Box<toml::de::Error>,
     },
-    /// A value of a run file that does not serve.
+    /// An invalid value in a run file.
     #[error("{path}, line {line}, {key}: {source}")]
     Value {
         /// The file.
@@ -42,7 +42,7 @@ pub enum CommandError {
     /// A computation that failed, or a result that cannot be written.
     #[error("{what}: {source}")]
     Failed {
-        /// What was tried.
+        /// The computation or output that failed.
         what: String,
         /// Why it failed.
         source: Source,
@@ -50,12 +50,12 @@ pub enum CommandError {
     /// Some problems of several were not solved.
     #[error("{unsolved} of {all} problems are not solved")]
     Unsolved {
-        /// How many are not.
+        /// Number of unsolved problems.
         unsolved: usize,
-        /// Of how many.
+        /// Number of all problems.
         all: usize,
     },
-    /// The user asked to stop.
+    /// The user interrupted the run.
     #[error("interrupted {0}")]
     Interrupted(String),
     /// The result could not be printed.
@@ -71,13 +71,13 @@ impl CommandError {
         }
     }
 
-    /// Whether the reader of the output has seen enough (`| head`), which is no failure.
+    /// Whether the reader of the output has closed the pipe (`| head`), which is no failure.
     #[must_use]
     pub fn is_closed_pipe(&self) -> bool {
         matches!(self, Self::Output(e) if e.kind() == io::ErrorKind::BrokenPipe)
     }
 
-    /// The exit code: 130 where the user asked to stop, else 1.
+    /// The exit code: 130 if the user interrupted the run, else 1.
     #[must_use]
     pub fn code(&self) -> u8 {
         match self {

@@ -15,7 +15,7 @@ use super::progress::Progress;
 use super::run_file::{create, write_failed};
 use super::text::quoted;
 
-/// Residual at every contact up to which a problem is solved.
+/// Largest residual at a contact for which a problem counts as solved.
 const TOLERANCE: f64 = 1e-12;
 
 /// Frictional contact problems in Delassus form, u = M r + q, to 1e-12 at every contact
@@ -24,16 +24,16 @@ pub struct FrictionArgs {
     /// JSON files with dimension, mu, q and M (compressed columns)
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// One JSON object a file, with r and u contact by contact (N, T1[, T2])
+    /// One JSON object per file, with r and u contact by contact (N, T1[, T2])
     #[arg(long)]
     json: bool,
     /// No table, no progress
     #[arg(long, short)]
     quiet: bool,
-    /// Folder for problems.csv, a line a file, and a table of contacts for each
+    /// Folder for problems.csv, one line per file, and a table of contacts for each
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Seconds after which a problem is given up
+    /// Time limit for each problem, in seconds
     #[arg(long, default_value_t = 300.0)]
     seconds: f64,
 }
@@ -92,7 +92,7 @@ fn solve(
     progress: &Progress,
 ) -> Result<(DelassusProblem, Outcome), CommandError> {
     let failed = |e| CommandError::failed(file.display().to_string(), e);
-    // Its errors name the file.
+    // Errors of reading name the file themselves: only their text is kept.
     let problem = read_delassus(file).map_err(|e| match e {
         DelassusError::File { what, .. } => CommandError::failed(file.display().to_string(), what),
         e => failed(e),
@@ -106,7 +106,7 @@ fn solve(
         })
         .map_err(failed)?;
     let seconds = begun.elapsed().as_secs_f64();
-    // By an evaluation of its own.
+    // Evaluated here, independently of the solver.
     let residual = problem.residual(&report.r).map_err(failed)?;
     let solved = residual <= TOLERANCE && report.is_solved();
     let status = match report.is_solved() {
@@ -159,7 +159,7 @@ struct Table<'a> {
     folder: &'a Path,
     path: PathBuf,
     lines: std::io::BufWriter<std::fs::File>,
-    /// Problems so far.
+    /// Number of problems written so far.
     count: usize,
 }
 
@@ -181,7 +181,7 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// A line for the problem, and its contacts in a table of their own.
+    /// Writes a row for the problem, and a separate table of its contacts.
     fn add(&mut self, problem: &DelassusProblem, outcome: &Outcome) -> Result<(), CommandError> {
         let report = &outcome.report;
         let line = writeln!(

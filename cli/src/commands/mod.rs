@@ -1,4 +1,4 @@
-//! Commands for people with a mesh or files, and no Rust.
+//! Commands that read meshes and run files, for use without Rust.
 
 mod contact;
 mod error;
@@ -45,7 +45,7 @@ enum Command {
     Friction(FrictionArgs),
     Options(OptionsArgs),
     Init(InitArgs),
-    /// Prints what a shell completes on the command line
+    /// Prints a script of completions for a shell
     Completions {
         /// The shell
         shell: clap_complete::Shell,
@@ -54,17 +54,17 @@ enum Command {
     Man,
 }
 
-/// Writes a run file with comments, to begin with
+/// Writes a commented run file as a starting point
 #[derive(Debug, Args)]
 struct InitArgs {
-    /// What for
+    /// The command that reads the file
     #[arg(value_parser = TEMPLATES.map(|t| t.0))]
     kind: String,
-    /// The file, by default KIND.toml; it must not be there yet
+    /// The file, by default KIND.toml; it must not exist yet
     file: Option<PathBuf>,
 }
 
-/// Run files to begin with, by command.
+/// The run files that `init` writes, by command.
 const TEMPLATES: [(&str, &str); 4] = [
     ("contact", contact::TEMPLATE),
     ("follow", problem::FOLLOW),
@@ -72,7 +72,7 @@ const TEMPLATES: [(&str, &str); 4] = [
     ("solutions", problem::SOLUTIONS),
 ];
 
-/// Whether the arguments begin with a command, and are not those that AMPL gives for a problem of that name.
+/// Whether the arguments begin with a command, and are not those that AMPL passes for a problem of that name.
 #[must_use]
 pub fn is_command(arguments: &[OsString]) -> bool {
     let first = arguments.first().and_then(|f| f.to_str()).unwrap_or_default();
@@ -88,10 +88,10 @@ pub fn names() -> Vec<String> {
     names.collect()
 }
 
-/// Runs a command with its arguments, the name of the program not among them.
+/// Runs a command with its arguments (without the name of the program).
 ///
 /// # Errors
-/// What keeps it from a result. Where arguments are not understood, or help is asked for, the program ends.
+/// A [`CommandError`] if there is no result. Exits the process if arguments are not understood or help is requested.
 pub fn run(arguments: impl IntoIterator<Item = OsString>, out: &mut dyn Write) -> Result<(), CommandError> {
     let name = OsString::from("semismooth");
     match Arguments::parse_from(std::iter::once(name).chain(arguments)).command {
@@ -139,7 +139,7 @@ fn man(out: &mut dyn Write) -> std::io::Result<()> {
     for (command, template) in TEMPLATES {
         writeln!(out, ".SS \"{command}\"\n.nf")?;
         for line in template.lines() {
-            // A dot or a quotation mark at the beginning would be a request.
+            // A dot or a quotation mark at the beginning of a line would be a roff request.
             writeln!(out, "\\&{}", line.replace('\\', "\\e").replace('-', "\\-"))?;
         }
         writeln!(out, ".fi")?;

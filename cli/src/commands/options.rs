@@ -1,4 +1,4 @@
-//! What can be set, and what it is unless it is set.
+//! Options and their defaults.
 
 use std::io::Write;
 
@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::error::CommandError;
 
-/// Prints options with their defaults, as the table [options] of a run file takes them
+/// Prints options with their defaults, in the form of the table [options] of a run file
 #[derive(Debug, Args)]
 pub struct OptionsArgs {
     #[arg(value_parser = KINDS, default_value = "continuation", hide_possible_values = true)]
@@ -52,7 +52,7 @@ pub(super) fn run(arguments: &OptionsArgs, out: &mut dyn Write) -> Result<(), Co
     table(&value, "", out)
 }
 
-/// Numbers and words before the tables within, as TOML wants them; what has no default is commented out.
+/// Plain values before subtables, as TOML requires; keys without a default are commented out.
 fn table(value: &Value, prefix: &str, out: &mut dyn Write) -> Result<(), CommandError> {
     let Value::Object(fields) = value else {
         return Ok(());

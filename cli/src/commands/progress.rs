@@ -11,7 +11,7 @@ use super::error::CommandError;
 /// Fits 80 columns, without colours.
 const TEMPLATE: &str = "{elapsed_precise} [{bar:30}] {percent:>3} %  {msg:20!}";
 
-/// A bar on standard error (none where that is no terminal), and whether Ctrl-C was pressed.
+/// A progress bar on standard error (if that is a terminal), and whether Ctrl-C was pressed.
 pub(super) struct Progress {
     bar: ProgressBar,
     cancelled: Arc<AtomicBool>,
@@ -28,7 +28,7 @@ impl Progress {
         let cancelled = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&cancelled);
         let handler = ctrlc::set_handler(move || {
-            // Who asks twice does not want to wait.
+            // A second Ctrl-C exits at once.
             if flag.swap(true, Ordering::Relaxed) {
                 std::process::exit(130);
             }
@@ -37,14 +37,14 @@ impl Progress {
         Ok(Self { bar, cancelled })
     }
 
-    /// Shows a position; asks to stop once Ctrl-C was pressed.
+    /// Shows a position; returns a request to stop after Ctrl-C.
     pub(super) fn at(&self, position: u64, message: impl Into<String>) -> ControlFlow<()> {
         self.bar.set_position(position);
         self.bar.set_message(message.into());
         self.flow()
     }
 
-    /// Asks to stop once Ctrl-C was pressed.
+    /// Returns a request to stop after Ctrl-C.
     pub(super) fn flow(&self) -> ControlFlow<()> {
         match self.cancelled() {
             true => ControlFlow::Break(()),
@@ -52,23 +52,23 @@ impl Progress {
         }
     }
 
-    /// What goes on at the position; asks to stop once Ctrl-C was pressed.
+    /// Shows what is being done at the position; returns a request to stop after Ctrl-C.
     pub(super) fn message(&self, message: String) -> ControlFlow<()> {
         self.bar.set_message(message);
         self.flow()
     }
 
-    /// Sets what the end is.
+    /// Sets the last position.
     pub(super) fn of(&self, length: u64) {
         self.bar.set_length(length);
     }
 
-    /// The next position.
+    /// Moves to the next position.
     pub(super) fn advance(&self, message: impl Into<String>) -> ControlFlow<()> {
         self.at(self.bar.position() + 1, message)
     }
 
-    /// Prints without the bar in between.
+    /// Prints with the bar hidden meanwhile.
     pub(super) fn suspend<T>(&self, print: impl FnOnce() -> T) -> T {
         self.bar.suspend(print)
     }

@@ -1,4 +1,4 @@
-//! Run files: what commands are told with them, their text, for the lines of errors, and where they are.
+//! Run files: their contents, their text (for the line numbers of errors), and their paths.
 
 use std::error::Error;
 use std::fs::File;
@@ -12,10 +12,10 @@ use toml::Spanned;
 
 use super::error::CommandError;
 
-/// What the commands that read a run file are told.
+/// The arguments of commands that read a run file.
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
-    /// The run, a TOML file; `semismooth init` writes one to begin with
+    /// The run, a TOML file; `semismooth init` writes one as a starting point
     pub(super) run: PathBuf,
     /// JSON instead of text
     #[arg(long)]
@@ -23,10 +23,10 @@ pub(super) struct RunArgs {
     /// No table, no progress
     #[arg(long, short)]
     pub(super) quiet: bool,
-    /// Folder for the results, in place of that of the run file
+    /// Folder for the results, instead of the one in the run file
     #[arg(long)]
     pub(super) out: Option<PathBuf>,
-    /// Pictures as PDF, too, beside SVG
+    /// Pictures as PDF in addition to SVG
     #[arg(long)]
     pub(super) pdf: bool,
 }
@@ -54,7 +54,7 @@ impl RunArgs {
     }
 }
 
-/// A run file with what it says.
+/// A run file and its parsed contents.
 pub(super) struct RunFile<I> {
     path: PathBuf,
     text: String,
@@ -79,14 +79,14 @@ impl<I: DeserializeOwned> RunFile<I> {
         })
     }
 
-    /// A path that is relative to the run file.
+    /// Resolves a path relative to the run file.
     pub(super) fn relative(&self, path: &str) -> PathBuf {
         self.path
             .parent()
             .map_or_else(|| path.into(), |folder| folder.join(path))
     }
 
-    /// What is wrong with a value.
+    /// The error of a value, with its line.
     pub(super) fn wrong<T>(
         &self,
         place: &Spanned<T>,
@@ -102,7 +102,7 @@ impl<I: DeserializeOwned> RunFile<I> {
         }
     }
 
-    /// The folder for results, made: that of the command line, or that of the run file.
+    /// Creates the folder for results, that of the command line or else that of the run file.
     pub(super) fn results(&self, asked: Option<&PathBuf>, own: &str) -> Result<PathBuf, CommandError> {
         let folder = asked.cloned().unwrap_or_else(|| self.relative(own));
         std::fs::create_dir_all(&folder).map_err(write_failed(&folder))?;

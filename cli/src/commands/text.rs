@@ -1,6 +1,6 @@
 //! Text for terminals of 100 columns.
 
-/// Columns that lines have at most.
+/// Largest width of a line.
 const WIDTH: usize = 100;
 
 /// "1 fold", "2 folds".
@@ -20,7 +20,7 @@ pub(super) fn quoted(text: &str) -> String {
     }
 }
 
-/// A line with what fits into it, and its end; files have the rest.
+/// `line` followed by `end`; `line` is cut if both do not fit (the files have all of it).
 pub(super) fn fitted(line: &str, end: &str) -> String {
     let room = WIDTH.saturating_sub(end.chars().count());
     if line.chars().count() <= room {
@@ -30,7 +30,7 @@ pub(super) fn fitted(line: &str, end: &str) -> String {
     format!("{cut} …{end}")
 }
 
-/// A sentence in as many lines as it takes, those behind the first indented; a word longer than a line stays whole.
+/// Wraps a sentence, with all lines but the first indented; a word longer than a line is not split.
 pub(super) fn wrapped(text: &str) -> String {
     const INDENT: &str = "    ";
     let (mut lines, mut line) = (Vec::new(), String::new());

@@ -2,7 +2,7 @@
 
 use super::{Binary, Expression, Graph, Node, Unary};
 
-/// Degree of what is no polynomial of degree 2 at most.
+/// Degree of expressions that are not polynomials of degree 2 at most.
 pub const CURVED: u8 = 3;
 
 impl Graph {

@@ -4,15 +4,15 @@ use std::collections::BinaryHeap;
 
 use super::{Expression, Graph, Node, NodeId};
 
-/// What is done at a node with the weight that arrived there, and a way to pass weights on to its operands.
+/// Handles a node and its adjoint; the last argument passes adjoints on to its operands.
 type Visit<'a> = dyn FnMut(NodeId, f64, &mut dyn FnMut(NodeId, f64)) + 'a;
 
-/// Buffers of reverse sweeps. A sweep touches the nodes of its expression, and of the defined variables that it reaches, alone.
+/// Buffers of reverse sweeps. A sweep visits only the nodes of its expression and of the defined variables below it.
 #[derive(Debug, Clone)]
 pub struct Gradient {
     /// Derivative with respect to each node; zero between sweeps.
     adjoint: Vec<f64>,
-    /// Defined variables that were reached and wait for their turn, the last one first.
+    /// Defined variables that were reached and are still to be visited, the last one first.
     waiting: BinaryHeap<u32>,
     reached: Vec<bool>,
 }
@@ -28,7 +28,8 @@ impl Gradient {
         }
     }
 
-    /// Hands `scale` times the derivatives of an expression at the point of `values` to `add`, by variable, in parts that add up.
+    /// Passes `scale` times the gradient of an expression at the point of `values` to `add`, by variable; a variable may come several
+    /// times, with terms to be summed.
     pub fn sweep(
         &mut self,
         graph: &Graph,
@@ -38,7 +39,7 @@ impl Gradient {
         add: &mut dyn FnMut(usize, f64),
     ) {
         self.walk(graph, expression, scale, &mut |id, weight, pass| {
-            // Nothing is multiplied by zero: the branch not taken may be undefined where we are.
+            // Nodes with adjoint zero are skipped: the branch not taken may be undefined at this point.
             if weight == 0.0 {
                 return;
             }
@@ -58,7 +59,7 @@ impl Gradient {
         });
     }
 
-    /// Hands the variables on which an expression depends to `found`, perhaps repeatedly.
+    /// Passes the variables on which an expression depends to `found`, possibly repeatedly.
     pub fn variables(&mut self, graph: &Graph, expression: &Expression, found: &mut dyn FnMut(usize)) {
         self.walk(graph, expression, 1.0, &mut |id, weight, pass| {
             if weight == 0.0 {
@@ -69,14 +70,14 @@ impl Gradient {
                 found(id as usize);
             }
             for operand in graph.operands(node).into_iter().flatten() {
-                // Only whether it is zero counts.
+                // Only zero or nonzero matters.
                 pass(operand, 1.0);
             }
         });
     }
 
-    /// Visits the nodes of an expression and of the defined variables below it from the last to the first; `visit` passes weights to
-    /// operands. Variables are visited each time a weight is passed to them.
+    /// Visits the nodes of an expression and of the defined variables below it from the last to the first; `visit` passes adjoints to
+    /// operands. Variables are visited each time an adjoint is passed to them.
     fn walk(&mut self, graph: &Graph, expression: &Expression, weight: f64, visit: &mut Visit<'_>) {
         let mut current = expression.clone();
         let mut start = weight;
@@ -114,7 +115,7 @@ impl Gradient {
                 return;
             };
             current = next.clone();
-            // What was passed to its root; a root that is a variable is taken from there.
+            // The adjoint passed to its root; a root that is a variable is visited there.
             start = match current.root < graph.variables {
                 true => std::mem::take(&mut self.adjoint[current.root as usize]),
                 false => 0.0,

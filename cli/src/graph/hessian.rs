@@ -14,7 +14,7 @@ pub struct TooDense {
     pub limit: usize,
 }
 
-/// An edge between the node that holds it and one that is not above it.
+/// An edge between the node in whose list it is and a node with the same or a smaller number.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     other: NodeId,
@@ -22,7 +22,7 @@ struct Edge {
     next: u32,
 }
 
-/// Buffers of the sweep, kept from one to the next.
+/// Buffers of the sweep, reused by the next one.
 #[derive(Debug, Clone)]
 pub struct Hessian {
     adjoint: Vec<f64>,
@@ -31,9 +31,9 @@ pub struct Hessian {
     edges: Vec<Edge>,
     /// First edge that is free to be used again.
     free: u32,
-    /// Sum of the weights of the edges to each node, of the node at hand.
+    /// Sum of the weights of the edges from the current node to each node.
     sum: Vec<f64>,
-    /// Whether a node is among the neighbours; a sum may be zero between two edges.
+    /// Whether a node is among the neighbours; its sum does not tell, since it may cancel to zero meanwhile.
     known: Vec<bool>,
     neighbours: Vec<NodeId>,
 }
@@ -53,8 +53,8 @@ impl Hessian {
         }
     }
 
-    /// Hands the entries of the Hessian of Σ weight · expression at the point of `values` to `add`, in parts that add up, each with its
-    /// mirror image.
+    /// Passes the entries of the Hessian of Σ weight · expression at the point of `values` to `add`, both triangles; an entry may come
+    /// several times, with terms to be summed.
     pub fn sweep<'a>(
         &mut self,
         graph: &Graph,
@@ -75,7 +75,7 @@ impl Hessian {
         });
     }
 
-    /// Where the Hessian of a sum of expressions may have entries, each with its mirror image.
+    /// The pattern of the Hessian of a sum of expressions, both triangles.
     ///
     /// # Errors
     /// More than `limit` entries.
@@ -111,7 +111,7 @@ impl Hessian {
         }
     }
 
-    /// The sweep; `false` if `add` has stopped it. With `flat` weights only tell what is not zero.
+    /// The sweep; `false` if `add` has stopped it. With `flat`, weights only mark what may be nonzero.
     fn run(
         &mut self,
         graph: &Graph,
@@ -157,7 +157,7 @@ impl Hessian {
         going
     }
 
-    /// Replaces the edges of a node and the curvature of its operation by edges between what is below it.
+    /// Replaces the edges of a node and the second derivatives of its operation by edges between its operands and its other neighbours.
     fn push(
         &mut self,
         id: NodeId,
@@ -168,7 +168,7 @@ impl Hessian {
         link: &mut dyn FnMut(&mut Self, NodeId, NodeId, f64),
     ) {
         let own = self.sum[id as usize];
-        // The edge of a node with itself, and the curvature. Nothing is multiplied by zero, as the other factor may be infinite.
+        // The edge of the node with itself, and the second derivatives. Zero factors give zero, even if another factor is infinite.
         let product = |factors: &[f64]| match factors.contains(&0.0) {
             true => 0.0,
             false => factors.iter().product::<f64>(),
@@ -214,7 +214,7 @@ impl Hessian {
         }
     }
 
-    /// Empties the sums.
+    /// Resets the sums.
     fn forget(&mut self) {
         for other in self.neighbours.drain(..) {
             self.sum[other as usize] = 0.0;
@@ -243,7 +243,7 @@ impl Hessian {
     }
 }
 
-/// An operation on one node twice is one on that node.
+/// Merges two equal operands into one.
 fn merge(operands: [Option<NodeId>; 2], p: Partials) -> ([Option<NodeId>; 2], Partials) {
     match operands {
         [Some(a), Some(b)] if a == b => {

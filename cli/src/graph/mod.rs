@@ -1,7 +1,7 @@
 //! Expressions as one tape: values, gradients by reverse sweeps, and the Hessian of a sum by edge pushing.
 //!
-//! The nodes of a tape stand after those they depend on, the variables first, so that every walk is a loop and no depth of nesting
-//! matters. Each expression owns a run of nodes; a [defined variable](Node::Defined) is an expression that others refer to.
+//! Each node of the tape follows the nodes it depends on, with the variables first, so that every traversal is a loop and nesting may have
+//! any depth. Each expression owns a range of nodes; a [defined variable](Node::Defined) is an expression that others refer to.
 
 mod degree;
 mod gradient;
@@ -48,7 +48,7 @@ pub enum Node {
 /// An expression: its own nodes, and the one that holds its value.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Expression {
-    /// The nodes that belong to it alone.
+    /// The nodes that belong only to this expression.
     pub nodes: Range<NodeId>,
     /// The node of its value: the last of these, or a variable.
     pub root: NodeId,
@@ -70,10 +70,10 @@ pub struct Graph {
 pub struct TooLarge;
 
 impl Graph {
-    /// No expressions yet, in so many variables and defined variables.
+    /// An empty graph with the given numbers of variables and defined variables.
     ///
     /// # Errors
-    /// More than 2³² of both.
+    /// More than 2³² of both together.
     pub fn new(variables: usize, defined: usize) -> Result<Self, TooLarge> {
         let all = variables.checked_add(defined).and_then(|n| u32::try_from(n).ok());
         all.ok_or(TooLarge)?;
@@ -133,7 +133,7 @@ impl Graph {
         self.push(Node::Piecewise(self.tables.len() as u32 - 1, operand))
     }
 
-    /// Appends whether all operands differ.
+    /// Appends a node that is 1 if all operands differ, else 0.
     ///
     /// # Errors
     /// 2³² nodes.
@@ -151,7 +151,7 @@ impl Graph {
         }
     }
 
-    /// Gives a defined variable.
+    /// Sets the expression of a defined variable.
     pub fn define(&mut self, index: usize, expression: Expression) {
         self.defined[index] = Some(expression);
     }
@@ -182,7 +182,7 @@ impl Graph {
         folded.map_or(node, Node::Constant)
     }
 
-    /// Space for values at a point.
+    /// A buffer for the values of all nodes at a point.
     #[must_use]
     pub fn workspace(&self) -> Vec<f64> {
         vec![0.0; self.nodes.len()]
@@ -196,7 +196,7 @@ impl Graph {
         }
     }
 
-    /// The value of an expression, where the variables are set.
+    /// The value of an expression, after [`set_variables`](Self::set_variables).
     pub fn evaluate(&self, expression: &Expression, values: &mut [f64]) -> f64 {
         for id in expression.nodes.clone() {
             let v = |id: NodeId| values[id as usize];
@@ -224,7 +224,7 @@ impl Graph {
         values[expression.root as usize]
     }
 
-    /// Whether an operation of an expression, or of what it refers to, has kinks or jumps.
+    /// Whether an operation of an expression, or of the defined variables in it, has kinks or jumps.
     #[must_use]
     pub fn has_kinks(&self) -> bool {
         self.nodes.iter().any(|node| match node {

@@ -55,7 +55,7 @@ pub enum Unary {
     Truth,
 }
 
-/// An operator with two operands, of which truth values are 1 and 0.
+/// An operator with two operands; truth values are 1 and 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Binary {
     /// a + b.
@@ -86,13 +86,13 @@ pub enum Binary {
     Precision,
     /// a rounded to b decimals.
     Round,
-    /// a cut after b decimals.
+    /// a truncated to b decimals.
     Truncate,
     /// a ≠ 0 or b ≠ 0.
     Or,
     /// a ≠ 0 and b ≠ 0.
     And,
-    /// Both are true or none.
+    /// Both are true, or neither is.
     Same,
     /// a < b.
     Below,

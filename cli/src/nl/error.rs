@@ -1,4 +1,4 @@
-//! What can be wrong with a file, and where.
+//! Errors in .nl files, with their places.
 
 use std::fmt;
 
@@ -22,13 +22,13 @@ impl fmt::Display for Position {
     }
 }
 
-/// A file that cannot be read, with the place of the first fault.
+/// A file that cannot be parsed, with the place of the first fault.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{at}: {fault}")]
 pub struct NlError {
-    /// Where.
+    /// Where the fault is.
     pub at: Position,
-    /// What.
+    /// What is wrong there.
     pub fault: Fault,
 }
 
@@ -36,12 +36,12 @@ pub struct NlError {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Fault {
-    /// Something else stands here.
+    /// An unexpected token.
     #[error("expected {what}, found {found}")]
     Expected {
-        /// What should stand here.
+        /// What is expected.
         what: &'static str,
-        /// What does, cut where it is long.
+        /// What the file has, truncated if it is long.
         found: String,
     },
     /// The file ends too early.
@@ -77,10 +77,10 @@ pub enum Fault {
     /// A string where a number is needed.
     #[error("a string stands where a numeric expression is needed")]
     Text,
-    /// The letter of no segment.
+    /// A letter that begins no segment.
     #[error("no segment begins with {0:?}")]
     Segment(char),
-    /// The same thing twice.
+    /// Something that is given twice.
     #[error("{what} {index} is given twice")]
     Twice {
         /// What.
@@ -91,7 +91,7 @@ pub enum Fault {
     /// A defined variable that is used before its V segment.
     #[error("v{0} is used before its V segment")]
     Undefined(usize),
-    /// A segment that every file of this kind has.
+    /// A required segment that is missing.
     #[error("segment {0:?} is missing")]
     Missing(char),
     /// Column counts that differ from those of the J segments.
@@ -122,7 +122,7 @@ pub enum Fault {
         /// Variable, from 0.
         variable: usize,
     },
-    /// Numbers of another machine.
+    /// A binary file with an unsupported number format.
     #[error(
         "binary files with arithmetic of kind {0} are not supported; 1 (IEEE, little endian) and 2 (IEEE, big endian) are"
     )]

@@ -1,17 +1,17 @@
-//! Expressions in Polish prefix form, read with a stack of their own so that any depth of nesting fits.
+//! Expressions in Polish prefix form, read with an explicit stack, so that nesting may have any depth.
 
 use super::segments::Reader;
 use super::{Fault, NlError, Source};
 use crate::graph::{Binary, Expression, Node, NodeId, PiecewiseLinear, TooLarge, Unary};
 
-/// What an operator does with its operands, once all are there.
+/// How an operator is applied once all its operands are read.
 #[derive(Debug, Clone)]
 enum Action {
     Unary(Unary),
     Binary(Binary),
-    /// The operation between the first two, then with the third and so on.
+    /// A left fold: the operation on the first two, then on the result and the third, and so on.
     Chain(Binary),
-    /// Value of a test, then of what is taken where it holds, then of the rest.
+    /// Condition, value if it holds, value if not.
     If,
     Square,
     SignedSquare,
@@ -20,16 +20,16 @@ enum Action {
     Count,
     /// How many equal the first.
     NumberOf,
-    /// Whether all differ, or not all.
+    /// Whether all differ, or the negation.
     AllDifferent(bool),
 }
 
 #[derive(Debug, Clone)]
 struct Frame {
     action: Action,
-    /// Operands still to come.
+    /// Number of operands still to be read.
     missing: usize,
-    /// Where its operands begin among all that wait.
+    /// Where its operands begin on the stack of operands.
     operands: usize,
 }
 
@@ -78,7 +78,7 @@ impl<S: Source> Reader<'_, S> {
             .out_of_range("the number of operations", error, "less")
     }
 
-    /// Reads the head of an expression: a number or a variable, which are operands at once, or an operator that waits for some.
+    /// Reads the head of an expression: a number or a variable, which is an operand, or an operator, whose operands follow.
     fn begin(&mut self, frames: &mut Vec<Frame>, operands: usize) -> Result<Option<NodeId>, NlError> {
         let what = "an expression";
         let node = match self.source.tag()? {
@@ -109,7 +109,7 @@ impl<S: Source> Reader<'_, S> {
         self.graph.push(node).map(Some).map_err(|e| self.too_large(e))
     }
 
-    /// A number whose letter has been read.
+    /// Reads a number; its letter has been read.
     fn constant(&mut self, tag: u8) -> Result<f64, NlError> {
         let what = "a number";
         let value = match tag {
@@ -124,7 +124,7 @@ impl<S: Source> Reader<'_, S> {
         Ok(value)
     }
 
-    /// A variable or defined variable whose letter has been read.
+    /// Reads a variable or defined variable; its letter has been read.
     fn reference(&mut self) -> Result<NodeId, NlError> {
         let variables = self.header.variables;
         let index = self
@@ -141,7 +141,7 @@ impl<S: Source> Reader<'_, S> {
         self.graph.push(node).map_err(|e| self.too_large(e))
     }
 
-    /// The operator whose letter has been read, and its number of operands.
+    /// Reads an operator and its number of operands; its letter has been read.
     fn operator(&mut self) -> Result<(Action, usize), NlError> {
         let code = self.source.index("an operator")?;
         let Some((action, arity)) = action(code) else {
@@ -167,7 +167,7 @@ impl<S: Source> Reader<'_, S> {
         Ok((action, count))
     }
 
-    /// Slopes and breakpoints in turns, after their number.
+    /// Reads the number of slopes, then slopes and breakpoints in turn.
     fn table(&mut self) -> Result<PiecewiseLinear, NlError> {
         let count = self.source.count("slopes")?;
         if count == 0 {
@@ -307,7 +307,7 @@ fn action(code: usize) -> Option<(Action, usize)> {
         58 => binary(Binary::Truncate),
         59 => Some((Count, 0)),
         60 => Some((NumberOf, 0)),
-        // A number and a count: at least, at most, exactly so many, and their contraries.
+        // A number and a count: at least, at most, exactly that many, and the negations.
         62 => binary(Binary::AtMost),
         63 => binary(Binary::AtLeast),
         66 => binary(Binary::Equal),

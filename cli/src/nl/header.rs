@@ -1,17 +1,17 @@
-//! The ten lines at the head of a file, which are text in binary files, too.
+//! The ten header lines of a file, which are text in binary files, too.
 
 use super::{Fault, NlError, Source, Text};
 
-/// What the header says.
+/// The contents of the header.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Header {
     /// Whether what follows is binary.
     pub binary: bool,
     /// Whether numbers of a binary file have their highest byte first.
     pub big_endian: bool,
-    /// Numbers of the first line, which belong into the solution.
+    /// Option values of the first line, to be repeated in the .sol file.
     pub options: Vec<i32>,
-    /// A tolerance of the first line, which belongs there, too.
+    /// Tolerance of the first line, to be repeated there, too.
     pub tolerance: Option<f64>,
     /// Number of variables.
     pub variables: usize,
@@ -37,10 +37,10 @@ pub struct Header {
 const MAX_OPTIONS: usize = 9;
 
 impl Header {
-    /// Reads the header, and leaves `text` behind it.
+    /// Reads the header, and leaves `text` at the first token after it.
     ///
     /// # Errors
-    /// What is no header, or announces more than the file can hold.
+    /// An invalid header, or one that announces more than the file can hold.
     pub fn read(text: &mut Text<'_>) -> Result<Self, NlError> {
         let mut header = Self::default();
         header.first_line(text)?;
@@ -56,7 +56,7 @@ impl Header {
         if header.variables == 0 {
             return Err(text.out_of_range("the number of variables", 0, "at least 1"));
         }
-        // Nonlinear rows and objectives, complementarities; network rows; nonlinear variables: the segments tell.
+        // Numbers of nonlinear rows and objectives, complementarities, network rows, nonlinear variables: the segments give them.
         for _ in 0..3 {
             text.index("a count of the header")?;
             text.index("a count of the header")?;

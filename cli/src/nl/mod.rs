@@ -1,7 +1,7 @@
 //! AMPL's .nl files, text and binary (D. M. Gay, 2005: "Writing .nl files").
 //!
-//! What is read is checked: indices, counts against the size of the file, finite numbers, expressions that depend on what comes
-//! later, rows whose Jacobian is not announced. The memory taken is a small multiple of the bytes read.
+//! Input is checked: indices, counts against the size of the file, finite numbers, references to defined variables that come later, rows
+//! that depend on variables outside their J segment. The memory used is a small multiple of the bytes read.
 
 mod binary;
 mod error;
@@ -51,7 +51,7 @@ pub fn read(bytes: &[u8]) -> Result<Model, NlError> {
     Ok(model)
 }
 
-/// Each row depends on the variables of its J segment alone.
+/// Checks that each row depends only on the variables of its J segment.
 fn check_jacobian(model: &Model) -> Result<(), NlError> {
     let mut sweeps = Gradient::new(&model.graph);
     let mut listed = vec![usize::MAX; model.lower.len()];

@@ -1,4 +1,4 @@
-//! The segments after the header, which come in any order but for defined variables, which come before their use.
+//! The segments after the header. They may come in any order, except that defined variables come before their use.
 
 use super::{Fault, Header, NlError, Position, Source};
 use crate::graph::{Binary, Expression, Graph, Node};
@@ -19,7 +19,7 @@ pub(super) struct Reader<'a, S> {
     seen_objectives: Vec<[bool; 2]>,
     start: Vec<f64>,
     duals: Vec<f64>,
-    /// Entries announced for each column but the last, and where.
+    /// Numbers of entries announced for each column but the last, and the place of the announcement.
     columns: Option<(Position, Vec<usize>)>,
     kinds: Option<Vec<RowKind>>,
     bounded: bool,
@@ -28,7 +28,7 @@ pub(super) struct Reader<'a, S> {
     parts: usize,
 }
 
-/// A row of which not all parts may have been read.
+/// A row, some parts of which may not have been read yet.
 #[derive(Debug, Clone, Default)]
 struct Draft {
     expression: Option<Expression>,
@@ -97,7 +97,7 @@ impl<'a, S: Source> Reader<'a, S> {
         self.source.end_line()
     }
 
-    /// Suffixes have no meaning for this program.
+    /// Skips a suffix: this program uses none.
     fn suffix(&mut self) -> Result<(), NlError> {
         let kind = self.source.index_below("the kind of a suffix", 8)?;
         let count = self.source.count("values of a suffix")?;
@@ -163,7 +163,7 @@ impl<'a, S: Source> Reader<'a, S> {
         Ok(())
     }
 
-    /// Logical constraints are read; whoever solves the problem refuses them.
+    /// Reads a logical constraint; the solver refuses problems that have any.
     fn logical(&mut self) -> Result<(), NlError> {
         self.source
             .index_below("a logical constraint", self.header.logical)?;
@@ -232,7 +232,7 @@ impl<'a, S: Source> Reader<'a, S> {
     }
 
     fn complementarity(&mut self) -> Result<RowKind, NlError> {
-        // Bits beyond those of the two bounds are left over from AMPL's own use.
+        // Bits other than those of the two bounds are used by AMPL only.
         let flags = self.source.integer("the bounds of a complementarity")?;
         let variable = self.source.index("the variable of a complementarity")?;
         match variable.checked_sub(1) {
@@ -264,7 +264,7 @@ impl<'a, S: Source> Reader<'a, S> {
         Ok(())
     }
 
-    /// Bounds whose kind has been read.
+    /// Reads bounds; their kind has been read.
     fn bounds(&mut self, tag: Option<u8>) -> Result<(f64, f64), NlError> {
         let what = "a bound";
         let (lower, upper) = match tag {
@@ -284,7 +284,7 @@ impl<'a, S: Source> Reader<'a, S> {
             }
             None => return Err(self.source.fail(Fault::End { what })),
         };
-        // Written so that NaN is refused.
+        // In this form the test rejects NaN.
         if !(lower <= upper && lower < f64::INFINITY && upper > f64::NEG_INFINITY) {
             let value = format_args!("[{lower}, {upper}]").to_string();
             return Err(self.source.out_of_range("an interval", value, "not empty"));
@@ -365,7 +365,7 @@ impl<'a, S: Source> Reader<'a, S> {
         if self.seen_objectives.iter().any(|seen| !seen[0]) {
             return Err(self.source.fail(Fault::Missing('O')));
         }
-        // A file that was cut short between two segments lacks entries.
+        // A file truncated between two segments has too few entries.
         let rows = self.rows.iter().filter_map(|r| r.linear.as_ref());
         let objectives = self.objectives.iter().map(|o| &o.linear);
         for (segment, announced, found) in [
@@ -414,7 +414,7 @@ impl<'a, S: Source> Reader<'a, S> {
     }
 }
 
-/// What has been read, beside header and graph.
+/// The parts of the model that have been read, other than header and graph.
 pub(super) struct Parts {
     rows: Vec<Row>,
     lower: Vec<f64>,

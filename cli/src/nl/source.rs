@@ -2,12 +2,12 @@
 
 use super::{Fault, NlError, Position};
 
-/// Reads tokens one after the other. Text and binary files hold the same ones, in the same order.
+/// Reads tokens one after the other. Text and binary files have the same tokens in the same order.
 pub trait Source {
     /// The place of the token that was read last.
     fn position(&self) -> Position;
 
-    /// Bytes that are left: no count of things to come may exceed it.
+    /// Bytes that are left: an upper bound for every count in the file.
     fn remaining(&self) -> usize;
 
     /// The letter that begins a segment, an expression or a bound; `None` at the end of the file.
@@ -25,7 +25,7 @@ pub trait Source {
     /// A name: of a function, of a suffix.
     fn name(&mut self) -> Result<String, NlError>;
 
-    /// Goes to the next line, in a text file. Only a comment may stand before its end.
+    /// In a text file, goes to the next line; the rest of the current one may only be a comment.
     fn end_line(&mut self) -> Result<(), NlError>;
 
     /// The error of this kind at the token read last.
@@ -51,13 +51,13 @@ pub trait Source {
         }
     }
 
-    /// A number of things that take a byte each, at least.
+    /// A number of items that take at least one byte each.
     fn count(&mut self, what: &'static str) -> Result<usize, NlError> {
         let count = self.index(what)?;
         self.can_hold(count, what)
     }
 
-    /// `count`, if the rest of the file can hold as many things.
+    /// `count`, if the rest of the file can hold that many items.
     fn can_hold(&self, count: usize, what: &'static str) -> Result<usize, NlError> {
         match count <= self.remaining() {
             true => Ok(count),
@@ -65,7 +65,7 @@ pub trait Source {
         }
     }
 
-    /// The error of a number that is out of its range.
+    /// The error for a number out of its range.
     fn out_of_range(
         &self,
         what: &'static str,

@@ -30,7 +30,7 @@ impl<'a> Text<'a> {
         self.at
     }
 
-    /// The number that stands next on this line, if there is one.
+    /// The next number on this line, if there is one.
     pub fn optional(&mut self) -> Result<Option<f64>, NlError> {
         match self.at_end_of_line() {
             true => Ok(None),
@@ -38,7 +38,7 @@ impl<'a> Text<'a> {
         }
     }
 
-    /// The integer that stands next on this line, or 0.
+    /// The next integer on this line, or 0.
     pub fn optional_index(&mut self, what: &'static str) -> Result<usize, NlError> {
         match self.at_end_of_line() {
             true => Ok(0),
@@ -46,7 +46,7 @@ impl<'a> Text<'a> {
         }
     }
 
-    /// Goes to the next line whatever is left of this one.
+    /// Goes to the next line and skips the rest of this one.
     pub fn skip_line(&mut self) -> Result<(), NlError> {
         while let Some(&b) = self.bytes.get(self.at) {
             self.at += 1;

@@ -1,4 +1,4 @@
-//! Large bodies in their displacements, and runs that are interrupted.
+//! Large bodies, solved in the displacements, and interrupted runs.
 
 use crate::{folder, printed, refused, run_file, table};
 
@@ -16,7 +16,7 @@ const SOLID: [(&str, &str); 4] = [
     ),
 ];
 
-/// Under forces that grow both routes go through the same levels; what one of them alone knows the other leaves out.
+/// Under growing forces both routes give the same levels; quantities that only one of them computes are missing in the other.
 #[test]
 fn both_routes_have_the_same_forces() {
     let folder = folder("routes");
@@ -61,7 +61,7 @@ fn both_routes_have_the_same_forces() {
             assert!(apart <= 1e-8 * 0.02 * size, "{apart:e}");
         }
     }
-    // Curves have one route.
+    // Curves need the condensed route.
     run_file(
         &folder,
         &[
@@ -79,7 +79,7 @@ fn both_routes_have_the_same_forces() {
     );
 }
 
-/// Ctrl-C, once, while all solutions of forty equations with kinks are searched for: the run ends by itself and says so.
+/// A single Ctrl-C during a search for all solutions of forty equations with kinks: the run stops and reports it.
 #[cfg(unix)]
 #[test]
 fn one_interrupt_ends_a_search_for_all_solutions() {
@@ -121,7 +121,7 @@ fn one_interrupt_ends_a_search_for_all_solutions() {
         while !folder.join(made).exists() && begun.elapsed() < Duration::from_secs(60) {
             std::thread::sleep(Duration::from_millis(10));
         }
-        // What has been made is followed by the handler at once.
+        // The handler of Ctrl-C is installed right after this output is created.
         std::thread::sleep(Duration::from_millis(300));
         assert!(
             child.try_wait().unwrap().is_none(),

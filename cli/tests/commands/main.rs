@@ -26,7 +26,7 @@ fn semismooth(folder: &Path, arguments: &[&str]) -> Output {
     command.args(arguments).current_dir(folder).output().unwrap()
 }
 
-/// What is printed by a command that succeeds.
+/// The output of a command that succeeds.
 fn printed(folder: &Path, arguments: &[&str]) -> String {
     let output = semismooth(folder, arguments);
     assert!(
@@ -68,7 +68,7 @@ fn table(path: &Path) -> Vec<Vec<String>> {
     text.lines().map(words).collect()
 }
 
-/// The block of the run file, by the library.
+/// The block of the run file, built with the library.
 fn block(friction: f64) -> CondensedContact<PlanarCoulomb> {
     let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [16, 8]).unwrap();
     let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap())
@@ -157,7 +157,7 @@ fn friction_may_fall_with_the_slip_that_has_gone_before() {
         forces.push(rows[4][7].parse::<f64>().unwrap());
     }
     assert!(!folder.join("out/history.pvd").exists());
-    // At the level α = 1 the body with falling friction is held by less than that at rest, and more than that at last.
+    // At the level α = 1 the friction force lies between those of the initial and of the final coefficient.
     assert!(forces[0] > forces[1] && forces[1] > forces[2], "{forces:?}");
 }
 
@@ -323,7 +323,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
             );
         }
     }
-    // The body may turn about a point.
+    // The supports leave a translation along x.
     run_file(
         &folder,
         &[(
@@ -334,7 +334,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
     let message = refused(&folder, &["contact", "run.toml"]);
     assert!(message.contains("the body on its supports"), "{message}");
     assert!(refused(&folder, &["contact", "absent.toml"]).contains("absent.toml"));
-    // What is there stays.
+    // Existing files are not overwritten.
     assert!(refused(&folder, &["init", "contact", "run.toml"]).contains("run.toml"));
     assert_eq!(semismooth(&folder, &["contact"]).status.code(), Some(2));
 }
@@ -348,7 +348,7 @@ fn friction_problems_are_judged_by_their_residuals() {
     let text = printed(&folder, &["friction", "--json", &shipped]);
     let found: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert!(found["status"] == "solved" && found["residual"].as_f64().unwrap() <= 1e-12);
-    // No time, no solution.
+    // Quiet runs print nothing.
     assert!(printed(&folder, &["friction", "-q", &shipped]).is_empty());
     // Tables with the same numbers, complementary at each contact.
     printed(&folder, &["friction", "--out", "tables", &shipped, &shipped]);
@@ -379,7 +379,7 @@ fn friction_problems_are_judged_by_their_residuals() {
     assert!(refused(&folder, &["friction", "--seconds", "nan", &shipped]).contains("--seconds NaN"));
 }
 
-/// The block in the plane has 26 unknowns: tables of it are cut, or go on in the next line.
+/// The block in the plane has 26 unknowns: rows of its tables are cut or wrapped.
 #[test]
 fn nothing_is_wider_than_a_hundred_columns() {
     let folder = folder("columns");
@@ -420,7 +420,7 @@ fn nothing_is_wider_than_a_hundred_columns() {
     }
 }
 
-/// Nothing is printed in colours, not even where a terminal asks for them; no reader of NO_COLOR is disappointed.
+/// Nothing is printed in colours, even if the environment requests them; this satisfies NO_COLOR.
 #[test]
 #[cfg(target_os = "linux")]
 fn no_colours_are_printed() {
@@ -435,7 +435,7 @@ fn no_colours_are_printed() {
         "follow --wrong",
     ] {
         for (name, value) in [("NO_COLOR", "1"), ("CLICOLOR_FORCE", "1")] {
-            // A terminal of its own, in which the bar is drawn.
+            // `script` provides a terminal, in which the progress bar is drawn.
             let output = Command::new("script")
                 .args([
                     "--quiet",
@@ -502,7 +502,7 @@ fn shells_and_manuals_know_the_commands() {
             assert!(manual.contains(&format!("&{line}\n")), "{command}: {line}");
         }
     }
-    // A problem of AMPL's may have the name of a command.
+    // A problem from AMPL may have the name of a command.
     let message = refused(&folder, &["contact", "-AMPL"]);
     assert!(message.contains("contact.nl"), "{message}");
 }

@@ -69,7 +69,7 @@ fn the_curve_of_a_beam_turns_at_its_kinks() {
     assert!(picture.starts_with(b"%PDF-"));
     let [here, there] = ["out/curve.svg", "paper/curve.svg"].map(|f| std::fs::read(folder.join(f)).unwrap());
     assert_eq!(here, there);
-    // Objects with the same numbers, elsewhere; the other way from the other end.
+    // JSON objects with the same numbers, in another folder; the same curve backwards from the other end.
     let text = printed(&folder, &["follow", "run.toml", "--json", "--out", "json"]);
     let lines: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
     assert_eq!(lines.len(), 3);
@@ -108,7 +108,7 @@ fn options_are_those_of_the_library() {
     let arclength = column(&rows, "arclength");
     assert!(arclength.windows(2).all(|w| w[1] - w[0] < 0.011));
     assert!(column(&rows, "parameter").contains(&1.5));
-    // What is printed can be written into a run file as it is.
+    // The printed options can be pasted into a run file.
     for (kind, command) in [
         ("continuation", "follow"),
         ("diagram", "diagram"),

@@ -18,7 +18,7 @@ FUNCTIONS = {"exp": pyo.exp, "log": pyo.log, "sqrt": pyo.sqrt, "sin": pyo.sin, "
 
 
 def expression(tree, m):
-    """A tree of the file (its format is told in examples/common/expressions.rs) as an expression of Pyomo."""
+    """A tree of the file (for its format see examples/common/expressions.rs) as an expression of Pyomo."""
     if isinstance(tree, (int, float)):
         return tree
     head, *rest = tree

@@ -1,4 +1,4 @@
-"""Families of the CUTE collection (I. Bongartz, A. R. Conn, N. Gould, Ph. L. Toint, 1995) beside the problems of Hock and Schittkowski:
+"""Families of the CUTE collection (I. Bongartz, A. R. Conn, N. Gould, Ph. L. Toint, 1995) other than those of Hock and Schittkowski:
 bound-constrained and equality-constrained programs, and systems of equations, as Pyomo writes them.
 
 Run: python -m unittest cute (with pyomo installed and the program's folder in PATH).
@@ -216,7 +216,7 @@ SYSTEMS = {
 
 
 class Cute(hock_schittkowski.HockSchittkowski):
-    """The checks are those of the other collection."""
+    """The same checks as for the problems of Hock and Schittkowski."""
 
     problems = BOUNDS | EQUALITIES
     # Of another problem.

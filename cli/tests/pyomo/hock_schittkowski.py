@@ -1,7 +1,7 @@
 """Problems of W. Hock and K. Schittkowski (1981: "Test examples for nonlinear programming codes") as Pyomo writes them.
 
-What the program claims, a KKT point, is checked with derivatives that Pyomo makes of the expressions: stationarity, signs of multipliers,
-complementarity. Where the start leads to the known minimum, its value is compared, too.
+The claim of the program, a KKT point, is checked with derivatives from Pyomo: stationarity, signs of multipliers, complementarity. If the
+start leads to the known minimum, its value is compared, too.
 
 Run: python -m unittest hock_schittkowski (with pyomo installed and the program's folder in PATH).
 """
@@ -385,7 +385,7 @@ class HockSchittkowski(unittest.TestCase):
             scale = TOLERANCE * (1 + abs(body))
             self.assertTrue(low is None or body >= low - scale)
             self.assertTrue(high is None or body <= high + scale)
-            # A multiplier pushes away from the bound where the constraint is, and is zero elsewhere.
+            # The sign of a multiplier depends on the active bound; it is zero at inactive constraints.
             if low is None or body > low + 100 * scale:
                 self.assertLessEqual(y, TOLERANCE * size)
             if high is None or body < high - 100 * scale:
@@ -409,7 +409,7 @@ class HockSchittkowski(unittest.TestCase):
                 self.check(name)
 
     def test_no_kkt_point(self):
-        """HS 13: the constraints have no linear approximation at the minimum, and no multipliers there."""
+        """HS 13: no constraint qualification holds at the minimum, and there are no multipliers."""
         m = Problem(
             [-2, -2], lambda x: (x[1] - 2) ** 2 + x[2] ** 2, lambda x: [(1 - x[1]) ** 3 - x[2] >= 0], lower=[0, 0]
         ).model()

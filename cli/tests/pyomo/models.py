@@ -1,7 +1,7 @@
 """Models as a user of Pyomo writes them, solved by the program `semismooth` on the PATH.
 
-Each test states what is known of the solution: a closed form, a published point, or the conditions themselves, evaluated by Pyomo at
-the values that came back. Run: python models.py (with pyomo installed and the program's folder in PATH).
+Each test compares with a known solution (a closed form or a published point), or checks the conditions themselves, evaluated by Pyomo at
+the returned values. Run: python models.py (with pyomo installed and the program's folder in PATH).
 """
 
 import logging
@@ -159,7 +159,7 @@ class Classics(Case):
 
 
 class Forms(Case):
-    """The forms that Pyomo knows for one condition."""
+    """All forms of a complementarity condition in Pyomo."""
 
     def test_both_sides_are_expressions(self):
         m = ConcreteModel()
@@ -209,7 +209,7 @@ class Forms(Case):
             self.near(m.x, expected)
 
     def test_bound_that_no_condition_names(self):
-        """0 <= x complements x − 3 >= 0 with x <= 2 beside: no solution, and none is claimed."""
+        """0 <= x complements x − 3 >= 0 with the bound x <= 2 in addition: no solution, and none is claimed."""
         m = ncp([lambda x: x[0] - 3], [1.0], upper=2)
         results = solve(m)
         self.assertEqual(code(results), 100, results.solver.message)
@@ -351,7 +351,7 @@ class Equilibria(Case):
         return value(m.time)
 
     def test_braess_before_and_after(self):
-        """The new road makes everybody slower: 83 and 92 minutes (Braess 1968)."""
+        """The new road increases all travel times: 83 and 92 minutes (Braess 1968)."""
         self.near(self.braess(2), 83)
         self.near(self.braess(3), 92)
 
@@ -509,7 +509,7 @@ class Grids(Case):
 
 
 class Programs(Case):
-    """First-order conditions of programs. Known minima are reached from these starts; what is claimed is the condition alone."""
+    """First-order conditions of programs. Known minima are reached from these starts; the program claims only the conditions."""
 
     def stationary(self, m, expected, **options):
         m.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)

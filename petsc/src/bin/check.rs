@@ -1,8 +1,8 @@
-//! Bodies spread over all processes against the same bodies in one: `mpiexec -n 2 check [options of PETSc]`.
+//! Compares solutions on all processes with those on one: `mpiexec -n 2 check [options of PETSc]`.
 //!
-//! The reference is the condensed form of `semismooth`, one Cholesky factor and a dense problem on the contact nodes: another route to
-//! the same solution. Displacements and forces must agree to 1e-8 of the largest, and so must the numbers of open, sticking and
-//! slipping nodes.
+//! The reference is the condensed form of `semismooth` (a Cholesky factorisation and a dense problem on the contact nodes), an independent
+//! route to the same solution. Displacements and forces must agree to 1e-8 of the largest; the numbers of open, sticking and slipping
+//! nodes must be equal.
 
 use std::collections::HashMap;
 use std::error::Error as StdError;
@@ -17,14 +17,14 @@ use semismooth_petsc::{DistributedBody, DistributedContact, Error, Part, World, 
 
 const AGREEMENT: f64 = 1e-8;
 const TOLERANCE: f64 = 1e-12;
-/// Iterations of one linear system: multigrid that knows of nodes at the brink of slip takes about ten.
+/// Largest number of iterations for one linear system: multigrid with blocks at nodes on the verge of slip takes about ten.
 const KRYLOV: usize = 30;
 
 fn main() -> ExitCode {
     run(std::env::args().skip(1), check)
 }
 
-/// A body by the number of its cells, its ground and its law, at two loads, the second from the first.
+/// A body, given by its numbers of cells, foundation and law, at two loads; the second solve starts from the first solution.
 struct Case<'a> {
     name: &'a str,
     cells: &'a [usize],
@@ -247,7 +247,7 @@ fn bits(p: &[f64; 3]) -> [u64; 3] {
     p.map(f64::to_bits)
 }
 
-/// The body in one process, in each of them.
+/// The whole body; each process solves for it.
 struct Whole<'a> {
     system: ElasticSystem,
     problem: CondensedContact<&'a dyn NodeLaw>,
@@ -256,7 +256,7 @@ struct Whole<'a> {
 }
 
 impl Whole<'_> {
-    /// The largest differences of displacements and of contact forces of a part, each against the largest of all.
+    /// The largest differences of displacements and of contact forces of a part, relative to the largest values of the whole.
     fn difference<L: NodeLaw>(
         &self,
         part: &Part,
@@ -273,7 +273,7 @@ impl Whole<'_> {
         let ours = system.displacements(u, &[])?;
         let largest = |v: &[f64]| v.iter().fold(f64::MIN_POSITIVE, |m, v| m.max(v.abs()));
         let mut differ = [0.0f64; 2];
-        // At nodes of other processes, too.
+        // Including nodes of other processes.
         for (n, p) in part.mesh().points().iter().enumerate() {
             let m = at
                 .get(&bits(p))

@@ -1,5 +1,5 @@
-//! A large block on the ground, pressed and pulled: `mpiexec -n 2 large [88x84x44] [options of PETSc]`. Two loads, the second from the
-//! solution of the first; prints times, iterations, and for the process with the most of each memory and floating-point operations.
+//! A large block on a foundation, pressed and pulled: `mpiexec -n 2 large [88x84x44] [options of PETSc]`. Two loads, the second started
+//! from the solution of the first; prints times, iterations, and the maxima over the processes of memory and floating-point operations.
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -36,7 +36,7 @@ fn large(world: &World, cells: [usize; 3]) -> Result<(), Error> {
     let ground = Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]);
     let rows = world.agree(system.contact("bottom", &ground))?;
     let body = DistributedBody::new(world, &part, &system, &rows)?;
-    // The matrix of the part is in the body now.
+    // The body has its own copy of the matrix.
     drop((system, rows, part));
     let (n, p) = (body.num_displacements(), body.num_contacts());
     let law = OrthotropicCoulomb::isotropic(world.agree(FrictionCoefficient::constant(0.3))?);
@@ -64,7 +64,7 @@ fn large(world: &World, cells: [usize; 3]) -> Result<(), Error> {
     Ok(())
 }
 
-/// What has passed since the line before: on the clock, in the processor and in operations.
+/// Wall time, processor time and operations since the previous line.
 struct Watch<'w> {
     world: &'w World,
     clock: Instant,
@@ -103,7 +103,7 @@ impl<'w> Watch<'w> {
     }
 }
 
-/// Seconds that the processor has spent on this process, on Linux.
+/// Processor time of this process in seconds, on Linux.
 fn processor_seconds() -> f64 {
     let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     // After the name in parentheses, user and system time are fields 12 and 13, in hundredths of a second.
@@ -116,7 +116,7 @@ fn processor_seconds() -> f64 {
         / 100.0
 }
 
-/// The most bytes that this process ever had, on Linux.
+/// Peak memory of this process in bytes, on Linux.
 fn peak_memory() -> f64 {
     let text = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:"));

@@ -1,4 +1,4 @@
-//! A body from a Gmsh file, cut for several processes, and its displacements from the files that these write, against one process.
+//! A body from a Gmsh file on several processes: the displacements in the files that they write, compared with those of one process.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -75,7 +75,7 @@ pub fn write_gmsh(path: &Path) {
     std::fs::write(path, text).expect("a file");
 }
 
-/// Two materials, held at the left, pressed by a top that moves, pulled at the right.
+/// Two materials, fixed at the left, pressed by a prescribed displacement of the top, pulled at the right.
 fn discretize(mesh: Mesh) -> Result<(ElasticSystem, Vec<f64>, ContactRows), FemError> {
     let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3)?)
         .with_material("hard", Material::isotropic(20.0, 0.2)?)
@@ -94,8 +94,8 @@ fn law() -> OrthotropicCoulomb {
     OrthotropicCoulomb::new(constant(0.2), constant(0.6))
 }
 
-/// On each process: solves, or lets process 0 solve with what MUMPS has left of the body, and writes `NAME.pvtu` with the displacements and
-/// the owners of nodes.
+/// On each process: solves, or lets process 0 solve for the condensed body, and writes `NAME.pvtu` with the displacements and the owners of
+/// nodes.
 pub fn solve(world: &World, name: &str) -> Result<(), Error> {
     let part = Part::read_gmsh(world, folder().join("body.msh"))?;
     let (system, load, rows) = world.agree(discretize(part.mesh().clone()))?;
@@ -106,7 +106,7 @@ pub fn solve(world: &World, name: &str) -> Result<(), Error> {
             let options = ReducedOptions::default().with_tolerance(1e-12);
             let mut problem = DistributedContact::new(body, law(), options)?;
             let found = problem.solve(0.0, &load, None)?;
-            // Newton's method has changed the matrix, which is the body's.
+            // Newton's method has changed the matrix of the body: condensing must start from the original one.
             let (free, states) = in_one(world, problem.body(), &load)?;
             let again = problem.solve(0.0, &load, None)?;
             assert!(world.rank() > 0 || states == found.states);
@@ -137,7 +137,7 @@ pub fn solve(world: &World, name: &str) -> Result<(), Error> {
 
 type Found = (Vec<f64>, [usize; 3]);
 
-/// At α = 1 of a load that comes in two parts.
+/// The solution at α = 1 under a constant load plus α times another.
 fn in_one(world: &World, body: &DistributedBody<'_>, load: &[f64]) -> Result<Found, Error> {
     let mut condensed = body.condense(Some(1 << 30))?;
     let [some, rest] = [0.3, 0.7].map(|part| load.iter().map(|f| part * f).collect::<Vec<_>>());
@@ -156,7 +156,7 @@ fn in_one(world: &World, body: &DistributedBody<'_>, load: &[f64]) -> Result<Fou
 
 type Position = [u64; 3];
 
-/// Looks at what `solve` has written on some processes, and has said.
+/// Checks the files and the output of `solve` on a number of processes.
 pub fn compare(name: &str, ranks: usize, output: &str) {
     let mesh = read_gmsh(folder().join("body.msh")).expect("a mesh");
     let (system, load, rows) = discretize(mesh.clone()).expect("a body");
@@ -211,7 +211,7 @@ pub fn compare(name: &str, ranks: usize, output: &str) {
     assert!(different.into_iter().eq(0..ranks));
 }
 
-/// An attribute of all elements of a name.
+/// An attribute of all XML elements with a name.
 fn attributes<'t>(text: &'t str, element: &str, attribute: &str) -> Vec<&'t str> {
     let tag = format!("<{element} ");
     let starts = text.match_indices(&tag).map(|(at, _)| &text[at..]);
@@ -222,7 +222,7 @@ fn attributes<'t>(text: &'t str, element: &str, attribute: &str) -> Vec<&'t str>
     starts.filter_map(value).collect()
 }
 
-/// The bytes of an array of a piece, whose number comes first.
+/// The bytes of an array of a piece; their number comes first.
 fn bytes(text: &str, name: &str) -> Vec<u8> {
     let after = text.split(&format!("Name=\"{name}\"")).nth(1).expect("an array");
     let from = after.find('>').expect("a tag") + 1;

@@ -11,7 +11,7 @@ use semismooth_petsc::{DistributedBody, DistributedContact, Error, Part, World};
 use crate::{Ended, files::folder, job};
 
 const LEVELS: u64 = 6;
-/// The level after which a job that is to be killed goes on without an end.
+/// The level after which a job that is to be killed loops forever.
 const LAST: u64 = 3;
 const AGREEMENT: f64 = 1e-10;
 
@@ -19,7 +19,7 @@ fn state() -> PathBuf {
     folder().join("history.state")
 }
 
-/// On each process: the levels that are not saved yet, or all of them and none saved.
+/// On each process: computes the levels that are not saved yet, or all levels without saving.
 pub fn run(world: &World, case: &str) -> Result<(), Error> {
     let part = Part::block(world, [0.0; 3], [2.0, 2.0, 1.0], [6, 6, 3])?;
     let material = world.agree(Material::isotropic(1.0, 0.277))?;
@@ -71,7 +71,7 @@ pub fn run(world: &World, case: &str) -> Result<(), Error> {
     Ok(())
 }
 
-/// Numbers of the processes that have said them, in a line that has come whole.
+/// Ids of the processes that have printed them in a complete line.
 pub fn processes(output: &str) -> Vec<(u32, u32)> {
     let whole = output.rfind('\n').map_or("", |end| &output[..end]);
     let told = |line: &str| {
@@ -86,11 +86,11 @@ fn send(signal: &str, id: u32) {
     assert!(status.is_ok_and(|s| s.success()));
 }
 
-/// That no process of a job is left, some seconds after it has ended.
+/// Checks that no process of a job is left some seconds after its end.
 fn none_left(output: &str) {
     let begun = Instant::now();
     for (rank, id) in processes(output) {
-        // Another process may have the number by now.
+        // The id may belong to another process meanwhile.
         let lives = || {
             let line = std::fs::read(format!("/proc/{id}/cmdline")).unwrap_or_default();
             String::from_utf8_lossy(&line).contains("--on-ranks")
@@ -122,7 +122,7 @@ fn levels(output: &str) -> Vec<Level> {
     output.lines().filter_map(read).collect()
 }
 
-/// A job that is killed by each signal after its third level, and goes on from there.
+/// A job that is killed after its third level, by each signal, and resumed.
 pub fn from_outside(own: &str, ranks: usize) {
     let start = |case: &str, meddle: &mut dyn FnMut(&str, u32)| -> Ended {
         println!("{case} on {ranks} processes");
@@ -132,7 +132,7 @@ pub fn from_outside(own: &str, ranks: usize) {
     assert!(whole.success, "{}", whole.output);
     let expected = levels(&whole.output);
     assert_eq!(expected.len() as u64, LEVELS);
-    // A process by a signal that none can catch; all by Ctrl-C, which mpiexec gets.
+    // SIGKILL, which cannot be caught, to one process; Ctrl-C (SIGINT) to mpiexec, which ends all of them.
     for (signal, message) in [("-9", "signal 9"), ("-INT", "interrupted by a signal")] {
         let _ = std::fs::remove_file(state());
         let mut killed = false;
@@ -164,7 +164,7 @@ pub fn from_outside(own: &str, ranks: usize) {
             }
         }
     }
-    // One file a process beside the one that names them.
+    // One file per process, and the one that names them.
     let files = || {
         let all = std::fs::read_dir(folder()).expect("the folder").flatten();
         let mut own: Vec<PathBuf> = all.map(|f| f.path()).collect();
@@ -172,7 +172,7 @@ pub fn from_outside(own: &str, ranks: usize) {
         own
     };
     assert_eq!(files().len(), ranks);
-    // A job of another size, and a file of which a byte is wrong.
+    // Another number of processes, and a file with a wrong byte.
     println!("history of another size and from a damaged file");
     let other = job(own, ranks + 1, &["--on-ranks", "history"], |_, _| {});
     let told = format!("was saved by {ranks} processes, and this job has {}", ranks + 1);

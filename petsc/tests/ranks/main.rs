@@ -1,5 +1,5 @@
-//! Started by `cargo test`, each case starts this program again on several processes, and looks at how the job ends. An argument leaves out
-//! the cases in whose names it does not occur.
+//! Each case starts this program again on several processes and checks how the job ends. An argument selects the cases whose names contain
+//! it.
 
 mod files;
 mod history;
@@ -14,10 +14,10 @@ use semismooth::contact::{
 use semismooth::fem::{CellKind, Elasticity, Foundation, Material, Mesh};
 use semismooth_petsc::{DistributedBody, DistributedContact, Error, Part, PartField, World, run};
 
-/// A job that takes longer hangs.
+/// A job that takes longer counts as hanging.
 const LIMIT: Duration = Duration::from_secs(600);
 
-/// Packages that PETSc may have, what its view of the solver says of them, and the options that choose them.
+/// Packages that PETSc may have been built with: name, text in the view of the solver, and options that select it.
 const OTHER_SOLVERS: [(&str, &str, &[&str]); 2] = [
     (
         "mumps",
@@ -30,7 +30,7 @@ const OTHER_SOLVERS: [(&str, &str, &[&str]); 2] = [
             "-ksp_view",
         ],
     ),
-    // Its smoothers go point by point: nodes at the brink of slip, stiff along no axis, need blocks.
+    // hypre smooths point by point: nodes on the verge of slip, whose stiff direction is along no axis, need blocks.
     (
         "hypre",
         "HYPRE BoomerAMG preconditioning",
@@ -45,7 +45,7 @@ const OTHER_SOLVERS: [(&str, &str, &[&str]); 2] = [
         ],
     ),
 ];
-/// What PETSc says of packages that it was built without: an unknown type, no such factorisation.
+/// PETSc's errors for packages that it was built without: unknown type, missing factorisation.
 const LACKING: [&str; 2] = ["PETSc error 86", "PETSc error 92"];
 
 fn main() -> ExitCode {
@@ -72,7 +72,7 @@ impl Ended {
     }
 }
 
-/// Runs a program on processes; `meddle` sees what they have said so far, and the number of mpiexec.
+/// Runs a program on a number of processes; `meddle` is called with their output so far and the id of mpiexec.
 fn job(program: &str, ranks: usize, arguments: &[&str], mut meddle: impl FnMut(&str, u32)) -> Ended {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let mut child = Command::new(std::env::var("MPIEXEC").unwrap_or("mpiexec".into()))
@@ -80,7 +80,7 @@ fn job(program: &str, ranks: usize, arguments: &[&str], mut meddle: impl FnMut(&
         .args(arguments)
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
-        // Who waits gives way where there are fewer cores than processes, and only there: beside other work it comes back late.
+        // Waiting processes yield only if there are fewer cores than processes: on a busy machine they would resume late.
         .env(
             "OMPI_MCA_mpi_yield_when_idle",
             if ranks > cores { "1" } else { "0" },
@@ -132,7 +132,7 @@ fn from_outside(wanted: &dyn Fn(&str) -> bool) {
         println!("{case} on {ranks} processes");
         let options: &[&str] = match case {
             "solver" => &["-pc_type", "nonsense"],
-            // No residual is small enough not to be called divergence.
+            // With this tolerance every residual counts as divergence.
             "breakdown" => &["-ksp_divtol", "1e-30"],
             _ => &["-pc_type", "gamg"],
         };
@@ -175,7 +175,7 @@ fn from_outside(wanted: &dyn Fn(&str) -> bool) {
         assert!(ended.success, "{}", ended.output);
         files::compare(&format!("{case}.pvtu"), ranks, &ended.output);
     }
-    // (Case, message, by which process.)
+    // (Case, message, process that reports it.)
     for (case, message, rank) in [
         ("error", "only here", 1),
         ("two-errors", "only here", 1),
@@ -205,7 +205,7 @@ fn from_outside(wanted: &dyn Fn(&str) -> bool) {
         assert_eq!(ended.count(&said), 1, "{case}: {}", ended.output);
         assert!(ended.count(message) >= 1, "{case}: {}", ended.output);
     }
-    // What no vote can tell the others ends the job all the same.
+    // Errors that cannot be put to a vote end the job as well.
     let left = [("elsewhere", "the others do not answer"), ("panic", "fell over")];
     for (case, message) in left.into_iter().filter(|c| wanted(c.0)) {
         let ended = here(3, case);
@@ -337,7 +337,7 @@ fn contact(world: &World, case: &str) -> Result<(), Error> {
     outcome.map(|_| ())
 }
 
-/// Coulomb friction, but for nodes whose forces it leaves open.
+/// Coulomb friction, except at nodes whose forces the law does not determine.
 struct Odd {
     coulomb: OrthotropicCoulomb,
     from: usize,

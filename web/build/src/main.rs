@@ -9,7 +9,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 
 const TARGET: &str = "wasm32-unknown-unknown";
-/// In the order in which they need each other.
+/// In the order of their dependencies.
 const SCRIPTS: [&str; 7] = [
     "border.js",
     "drawing.js",
@@ -19,7 +19,7 @@ const SCRIPTS: [&str; 7] = [
     "formula.js",
     "main.js",
 ];
-/// What a page may weigh.
+/// Largest size of the page in bytes.
 const LIMIT: usize = 2_000_000;
 
 fn main() -> ExitCode {

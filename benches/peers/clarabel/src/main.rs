@@ -14,15 +14,15 @@ use semismooth::complementarity::AffineFunction;
 use semismooth::cones::{Cone, ConeProblem, ConeSolver, ConeStatus};
 use semismooth::sparse::Matrix;
 
-/// Largest relative differences of the objective and of x. Interior points end where the gap is small, at a distance from the solution that
-/// goes with its root: their natural residual tells it.
+/// Largest relative differences of the objective and of x. Interior points stop at a small gap, at a distance from the solution of the
+/// order of its square root, as their natural residual shows.
 const SAME_VALUE: f64 = 1e-7;
 const SAME_POINT: f64 = 1e-3;
-/// Largest natural residual of ours.
+/// Largest natural residual of solutions of `ConeSolver`.
 const RESIDUAL: f64 = 1e-8;
-/// Solves of a problem, of whose times the least counts.
+/// Solves per problem; the least time counts.
 const REPEATED: usize = 5;
-/// A class has as many problems.
+/// Problems per class.
 const PROBLEMS: u64 = 50;
 
 struct Class {
@@ -106,7 +106,7 @@ struct Program {
     kinds: Vec<Kind>,
 }
 
-/// A program whose primal and dual have points inside: its minimum is taken on.
+/// A program with strictly feasible primal and dual points, so that its minimum is attained.
 fn draw(class: &Class, seed: u64) -> Program {
     let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
     for _ in 0..8 {
@@ -137,7 +137,7 @@ fn draw(class: &Class, seed: u64) -> Program {
         if class.entries == n {
             g.extend((0..n).map(|j| (i, j, random.symmetric())));
         } else {
-            // A variable of its own in each row, cyclically, so that none is left out.
+            // Row i has variable i (cyclically), so that every variable occurs.
             let mut columns = vec![i % n];
             while columns.len() < class.entries {
                 let j = (random.unit() * n as f64) as usize;
@@ -148,7 +148,7 @@ fn draw(class: &Class, seed: u64) -> Program {
             g.extend(columns.into_iter().map(|j| (i, j, random.symmetric())));
         }
     }
-    // Linear programs over cones, such with few curved directions, and definite ones.
+    // P = 0, P of low rank, and P positive definite.
     let curved = match seed % 3 {
         0 => 0,
         1 => n / 3,
@@ -259,10 +259,10 @@ fn objective(program: &Program, x: &[f64]) -> f64 {
     curved + program.c.iter().zip(x).map(|(c, x)| c * x).sum::<f64>()
 }
 
-/// What one class gave.
+/// The results for one class.
 #[derive(Default)]
 struct Results {
-    /// Of ours and of Clarabel.
+    /// Of `ConeSolver` and of Clarabel.
     times: [Vec<Duration>; 2],
     steps: [usize; 2],
     residuals: [f64; 2],
@@ -271,7 +271,7 @@ struct Results {
 }
 
 impl Results {
-    /// Solves one program by both; what is wrong is an error.
+    /// Solves one program by both; differences are errors.
     fn add(&mut self, program: &Program) -> Result<(), Box<dyn Error>> {
         let pair = [ours(program)?, clarabel(program)?];
         let [a, b] = &pair;
@@ -285,7 +285,7 @@ impl Results {
         let of_value = (values[0] - values[1]).abs() / (1.0 + values[1].abs());
         let residual = a.residual;
         self.apart = [self.apart[0].max(of_x), self.apart[1].max(of_value)];
-        // What else runs on the machine adds time at random.
+        // Other processes only add time.
         let (mut least, solvers) = (pair.each_ref().map(|s| s.time), [ours, clarabel]);
         for _ in 1..REPEATED {
             for (least, solve) in least.iter_mut().zip(solvers) {
@@ -321,7 +321,7 @@ impl Results {
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!(
-        "{PROBLEMS} problems a class; ms, least of {REPEATED} solves: median, largest; steps: mean; largest natural residual; largest differences of x, of the objective\n"
+        "{PROBLEMS} problems per class; ms, least of {REPEATED} solves: median, largest; steps: mean; largest natural residual; largest differences of x, of the objective\n"
     );
     let side = |name: &str| format!("{name:>8} {:>8} {:>6} {:>8}", "largest", "steps", "residual");
     let (left, right) = (side("ours"), side("Clarabel"));

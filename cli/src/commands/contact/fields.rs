@@ -9,7 +9,8 @@ use super::Case;
 use crate::commands::error::CommandError;
 
 impl<P> Case<'_, P> {
-    /// Displacements, stresses, and at the contact nodes states, pressures, tractions (forces by area; −1 and 0 elsewhere) and slips.
+    /// Displacements, stresses, and at contact nodes states, pressures, tractions (force per area) and slips; elsewhere the state is −1 and
+    /// the others are 0.
     pub(super) fn write_fields(
         &self,
         path: &Path,

@@ -15,7 +15,7 @@ use crate::commands::progress::Progress;
 use crate::commands::run_file::{create, write_failed};
 use crate::commands::text::{counted, wrapped};
 
-/// Positions of the progress between the two ends.
+/// Number of steps of the progress bar.
 const POSITIONS: f64 = 1000.0;
 
 pub(super) fn run<L: NodeLaw>(
@@ -119,7 +119,7 @@ fn tell(
     Ok(count)
 }
 
-/// The sums of the normal and of the tangential forces over α, as a table and as a picture, and the fields at the end.
+/// The resultants of the normal and of the tangential forces over α, as a table and as a picture, and the fields at the end.
 fn write<L: NodeLaw>(case: &Case<'_, CondensedContact<L>>, branch: &Branch) -> Result<(), CommandError> {
     let (problem, p) = (&case.problem, case.problem.num_contacts());
     let normal = |x: &[f64]| x[..p].iter().sum::<f64>();
@@ -151,7 +151,7 @@ fn write<L: NodeLaw>(case: &Case<'_, CondensedContact<L>>, branch: &Branch) -> R
     case.write_fields(&case.file("end.vtu"), &solution, &free, &supports)
 }
 
-/// The state of all nodes together.
+/// The state of all nodes, in words.
 fn overall([_, stick, slip]: [usize; 3]) -> SegmentStyle {
     match (stick, slip) {
         (0, 0) => SegmentStyle::new("no contact", Colour::RED),

@@ -71,7 +71,7 @@ pub(super) fn run<L: NodeLaw>(
 }
 
 impl<L: NodeLaw> Case<'_, CondensedContact<L>> {
-    /// The fields of a level; those of a series are numbered, as a level may come again.
+    /// Writes the fields of a level. Files are numbered, since a history may visit the same level twice.
     fn write_level(&self, x: &[f64], series: &mut Vec<(f64, PathBuf)>) -> Result<(), CommandError> {
         if !self.fields {
             return Ok(());
@@ -85,7 +85,7 @@ impl<L: NodeLaw> Case<'_, CondensedContact<L>> {
 }
 
 impl<P> Case<'_, P> {
-    /// The next of a series of fields.
+    /// Writes the next fields of a series.
     pub(super) fn write_numbered(
         &self,
         series: &mut Vec<(f64, PathBuf)>,

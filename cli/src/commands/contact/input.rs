@@ -1,4 +1,4 @@
-//! What a run is described by.
+//! The run file of a body in contact.
 
 use serde::Deserialize;
 use toml::Spanned;
@@ -111,11 +111,11 @@ pub(super) struct RunInput {
     pub route: Route,
 }
 
-/// In which unknowns the problem is solved.
+/// The unknowns in which the problem is solved.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Route {
-    /// By the size of the body.
+    /// Chosen by the size of the body.
     #[default]
     Auto,
     /// The contact forces, after one factorisation of the stiffness matrix.

@@ -17,10 +17,10 @@ use self::model::{Plan, RunFile};
 use super::error::CommandError;
 use super::run_file::RunArgs;
 
-/// A run file to begin with.
+/// The run file that `init` writes.
 pub const TEMPLATE: &str = include_str!("template.toml");
 
-/// A problem with what is needed to show its solutions.
+/// A problem, and the settings for output of its solutions.
 struct Case<'a, P> {
     problem: P,
     system: &'a ElasticSystem,
@@ -46,7 +46,7 @@ pub(super) fn run(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), Comman
     }
 }
 
-/// What is to be done with which body.
+/// A body, and what is to be computed.
 struct Run<'a> {
     file: RunFile,
     arguments: &'a RunArgs,
@@ -97,7 +97,7 @@ impl<P> Case<'_, P> {
     }
 }
 
-/// Contact nodes that are open, stick and slip.
+/// Numbers of contact nodes that are open, stick and slip.
 fn counts(states: &[ContactState]) -> [usize; 3] {
     let count = |wanted: fn(&ContactState) -> bool| states.iter().filter(|s| wanted(s)).count();
     let open = count(|s| *s == ContactState::Open);

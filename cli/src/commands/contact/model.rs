@@ -17,12 +17,12 @@ use super::input::{BlockInput, Component, ContactInput, Input, MeshInput, Plane,
 use crate::commands::error::CommandError;
 use crate::commands::run_file;
 
-/// Displacements beyond which multigrid is quicker than one factorisation: of solids, and in the plane, where factors stay sparse until
-/// they do not fit into memory.
+/// Number of displacements above which multigrid is used: in solids where it becomes faster than one factorisation, in the plane, where
+/// factors are sparser, where the factor no longer fits into memory.
 const SOLID: usize = 6_000;
 const PLANE: usize = 3_000_000;
 
-/// What a body in contact is made of, but for its stiffness and its law.
+/// The data of a body in contact other than its stiffness and its law.
 pub(super) struct Traces {
     rows: ContactRows,
     tangential: Vec<Matrix>,
@@ -32,7 +32,7 @@ pub(super) struct Traces {
 pub(super) type RunFile = run_file::RunFile<Input>;
 
 impl RunFile {
-    /// Numbers for the components of a vector, 0 where none are given.
+    /// The components of a vector; those that are not given are 0.
     fn vector<T>(
         &self,
         place: &Spanned<T>,
@@ -78,7 +78,7 @@ impl RunFile {
         }
     }
 
-    /// The elastic body on its supports, and the supports that move, by α.
+    /// The elastic body on its supports, and the prescribed displacements as functions of α.
     pub(super) fn system(&self) -> Result<(ElasticSystem, Option<LoadCase>), CommandError> {
         let mesh = self.mesh()?;
         let dim = mesh.dim();
@@ -272,7 +272,7 @@ impl RunFile {
         Ok((problem, rows))
     }
 
-    /// The plan, by the route that the run file asks for.
+    /// The plan for the route in the run file.
     pub(super) fn routed(&self, plan: Plan, system: &ElasticSystem) -> Result<Plan, CommandError> {
         let place = &self.input.run;
         let most = match system.mesh().dim() {
@@ -283,14 +283,14 @@ impl RunFile {
             (Route::Auto, Plan::History(levels)) if system.num_free() > most => Ok(Plan::Levels(levels)),
             (Route::Reduced, Plan::History(levels)) => Ok(Plan::Levels(levels)),
             (Route::Reduced, Plan::Follow(_)) => {
-                let what = "curves are followed by the condensed route alone";
+                let what = "curves need the condensed route";
                 Err(self.wrong(place, "run.route", what))
             }
             (_, plan) => Ok(plan),
         }
     }
 
-    /// What is to be done.
+    /// The plan in the run file, before a route is chosen.
     pub(super) fn plan(&self) -> Result<Plan, CommandError> {
         let place = &self.input.run;
         let RunInput { levels, follow, .. } = place.get_ref();
@@ -313,11 +313,11 @@ impl RunFile {
     }
 }
 
-/// What is to be done with the problem.
+/// What a run computes.
 pub(super) enum Plan {
-    /// A history of loading, followed from level to level.
+    /// A history of loading, with the solution curve followed from level to level.
     History(Vec<f64>),
-    /// A history of loading, solved at its levels.
+    /// A history of loading, with one solve per level.
     Levels(Vec<f64>),
     /// The curve of static solutions.
     Follow([f64; 2]),

@@ -79,11 +79,11 @@ pub(super) fn run<L: NodeLaw>(
     }
 }
 
-/// What there is of the levels so far.
+/// Results of the levels solved so far.
 #[derive(Default)]
 struct Done {
     count: usize,
-    /// The elastic energy of the last one.
+    /// The elastic energy at the last level.
     stored: f64,
     series: Vec<(f64, PathBuf)>,
 }
@@ -105,7 +105,7 @@ impl Case<'_, ()> {
         let [normal, first, second] = s.resultant();
         let (stored, dissipated) = (s.energy.stored - done.stored, s.energy.dissipated);
         (done.stored, done.count) = (s.energy.stored, done.count + 1);
-        // The first one is where a history begins, as in that of the condensed form.
+        // The first level is the start of the history and has no row, as in the condensed form.
         if done.count > 1 {
             let changes = level.num_changes();
             writeln!(

@@ -11,7 +11,7 @@ use crate::commands::progress::Progress;
 use crate::commands::run_file::create;
 use crate::commands::text::{counted, fitted, wrapped};
 
-/// Positions of the progress between the two ends.
+/// Number of steps of the progress bar.
 const POSITIONS: f64 = 1000.0;
 
 pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandError> {
@@ -57,7 +57,7 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     Ok(())
 }
 
-/// The unknowns given (zeros unless they are), or a solution that is found.
+/// The unknowns in the run file, else a solution that the problem finds, else zeros.
 fn start(case: &Case<'_>, from: f64) -> Result<Vec<f64>, CommandError> {
     let n = case.problem.map().num_residuals();
     let mut x = match &case.file.input.run.get_ref().start {

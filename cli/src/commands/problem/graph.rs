@@ -49,13 +49,13 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     }
 }
 
-/// From the starts given, or from all solutions at the sections.
+/// The diagram from the given starts, or from all solutions at the sections.
 fn explore(case: &Case<'_>, options: &DiagramOptions, progress: &Progress) -> Result<Diagram, CommandError> {
     let run = &case.file.input.run;
     let (map, failed) = (case.problem.map(), |e| CommandError::failed("the diagram", e));
     let name = case.problem.parameter();
     let curves = |now: &semismooth::continuation::Progress<'_>| {
-        // What is known: edges that are done, the one under way, and arms that wait.
+        // Known so far: edges that are finished, the current one, and arms still to be followed.
         let known = now.edges + 1 + now.pending;
         progress.of(known as u64);
         progress.at(now.edges as u64, format!("{name} = {:.4}", now.event.parameter()))

@@ -1,4 +1,4 @@
-//! What a run is described by.
+//! The run file of equations or of a discrete friction problem.
 
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -27,12 +27,12 @@ pub(super) struct ProblemInput {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RunInput {
-    /// The range of the parameter, from where to where.
+    /// The range of the parameter: first and last value.
     pub(super) range: Option<Spanned<[f64; 2]>>,
     pub(super) start: Option<Spanned<Vec<f64>>>,
-    /// Points with the parameter at the end.
+    /// Points (unknowns, then the parameter) at which curves start.
     pub(super) starts: Option<Vec<Spanned<Vec<f64>>>>,
-    /// Parameters at which all solutions are starts.
+    /// Parameters at which curves start from all solutions.
     pub(super) sections: Option<Spanned<Vec<f64>>>,
     /// Parameters at which solutions are listed.
     pub(super) at: Option<Spanned<Vec<f64>>>,

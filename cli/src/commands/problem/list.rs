@@ -18,9 +18,9 @@ struct List {
     continua: usize,
     index_sum: Option<i64>,
     complete: bool,
-    /// The verdict in words.
+    /// What is known of the completeness of the list, in words.
     verdict: String,
-    /// With the number of solutions.
+    /// The same with the number of solutions.
     words: String,
 }
 
@@ -65,7 +65,7 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     }
 }
 
-/// The values asked for; one of no meaning where there is no parameter.
+/// The values of the parameter; a single dummy value if there is no parameter.
 fn parameters(case: &Case<'_>) -> Result<Vec<f64>, CommandError> {
     let run = &case.file.input.run;
     let with = case.problem.map().num_vars() > case.problem.map().num_residuals();
@@ -82,7 +82,7 @@ fn parameters(case: &Case<'_>) -> Result<Vec<f64>, CommandError> {
     }
 }
 
-/// All solutions where the pieces are affine; else those that a search finds.
+/// All solutions if the pieces are affine, else those that a search finds.
 fn find(case: &Case<'_>, alpha: f64, progress: &Progress) -> Result<List, CommandError> {
     let map = case.problem.map();
     let failed = |e| CommandError::failed("the list of solutions", e);

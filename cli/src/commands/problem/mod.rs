@@ -16,12 +16,12 @@ use self::model::{Problem, RunFile};
 use super::error::CommandError;
 use super::run_file::RunArgs;
 
-/// Run files to begin with.
+/// The run files that `init` writes.
 pub(super) const FOLLOW: &str = include_str!("follow.toml");
 pub(super) const DIAGRAM: &str = include_str!("diagram.toml");
 pub(super) const SOLUTIONS: &str = include_str!("solutions.toml");
 
-/// A problem with what is needed to show its solutions.
+/// A problem, and the settings for output of its solutions.
 struct Case<'a> {
     file: RunFile,
     problem: Problem,
@@ -105,7 +105,7 @@ impl<'a> Case<'a> {
             .collect()
     }
 
-    /// A colour for each combination of pieces in the order in which they are met; the legend names those of few sites.
+    /// A colour for each combination of pieces, in the order in which they are met; the legend names them if there are few sites.
     fn style(&self) -> impl Fn(&Selection, &[usize]) -> SegmentStyle {
         const COLOURS: [Colour; 5] = [
             Colour::BLUE,

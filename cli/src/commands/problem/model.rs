@@ -11,7 +11,7 @@ use crate::commands::run_file;
 
 pub(super) type RunFile = run_file::RunFile<Input>;
 
-/// What is followed, and the names of its variables, the parameter last.
+/// The map, and the names of its variables, the parameter last.
 pub(super) struct Problem {
     map: Map,
     pub(super) names: Vec<String>,
@@ -35,7 +35,7 @@ impl Problem {
         self.names.last().map_or("", String::as_str)
     }
 
-    /// A solution at a value of the parameter, where the problem knows how to find one.
+    /// A solution at a value of the parameter, for problems that have a method to find one.
     pub(super) fn solve(&self, alpha: f64) -> Option<Result<Vec<f64>, CommandError>> {
         match &self.map {
             Map::Formulas(_) => None,
@@ -121,7 +121,7 @@ impl RunFile {
         })
     }
 
-    /// The options given, over the defaults.
+    /// The defaults, overridden by the options in the run file.
     pub(super) fn options<T: DeserializeOwned + Default>(&self) -> Result<T, CommandError> {
         match &self.input.options {
             None => Ok(T::default()),
@@ -132,7 +132,7 @@ impl RunFile {
         }
     }
 
-    /// The range of the parameter, which is needed.
+    /// The range of the parameter; an error if it is missing.
     pub(super) fn range(&self, problem: &Problem) -> Result<[f64; 2], CommandError> {
         let run = &self.input.run;
         if problem.map().num_vars() == problem.map().num_residuals() {
@@ -147,7 +147,7 @@ impl RunFile {
         }
     }
 
-    /// What is drawn: the unknowns asked for, or the first two.
+    /// The unknowns that are drawn: those in the run file, or the first two.
     pub(super) fn plotted(&self, problem: &Problem) -> Result<Vec<usize>, CommandError> {
         let Some(plot) = &self.input.output.plot else {
             return Ok((0..(problem.names.len() - 1).min(2)).collect());
