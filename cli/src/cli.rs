@@ -225,7 +225,7 @@ fn help(out: &mut dyn Write) -> Result<(), CliError> {
         out,
         "\nsolve_result_num: 0 solved, 100 in doubt, 200 no solution (proven), 300 unbounded, 400 iterations,\n\
          401 time, 500 no progress, 501 stationary, 502 iterates tend to infinity, 503 no values,\n\
-         504 no KKT point (proven). Exit code 1: the file or an option is not understood."
+         504 no KKT point (proven), 505 interrupted. Exit code 1: the file or an option is not understood."
     )?;
     Ok(())
 }

@@ -38,8 +38,9 @@ pub enum SavedError {
         /// The number of processes of this job.
         now: usize,
     },
-    /// A state of another body or law.
-    #[error("{path} was saved for another body or law")]
+    /// A state of a body with other sizes or another mean stiffness at the contact nodes, or of a law with another number of history
+    /// variables. Other changes of body or law are not noticed.
+    #[error("{path} was saved for another body, or a law with other history variables")]
     OtherProblem {
         /// The file.
         path: PathBuf,
@@ -161,7 +162,7 @@ impl<L: NodeLaw> DistributedContact<'_, L> {
         }))
     }
 
-    /// The numbers by which states of another body, law or process are recognised: sizes, and the stiffness of contact nodes.
+    /// The numbers that a state must share with the problem: sizes, the process, the mean stiffness of contact nodes.
     fn head(&self) -> [u64; 9] {
         let (world, body) = (self.world(), self.body());
         let counts = [

@@ -133,7 +133,9 @@ impl SolutionSet {
                 Completeness::Incomplete { .. } => "incomplete",
                 _ => "not proven",
             },
-            residual: residuals.iter().fold(0.0, |m, &v| if v > m || v.is_nan() { v } else { m }),
+            residual: residuals
+                .iter()
+                .fold(0.0, |m, &v| if v > m || v.is_nan() { v } else { m }),
             completeness: found.completeness.to_string(),
             index_sum: found.index_sum,
             nodes: found.nodes,
