@@ -56,8 +56,8 @@ const ITERATIONS: usize = 1000;
 const DIRECTIONS: usize = 30;
 /// Largest relative error of contact forces condensed onto the contact nodes, which should remain unchanged.
 const TRUSTED: f64 = 1e-7;
-/// Dense matrices whose memory process 0 needs at once during condensation: S here and in MUMPS, S as a sparse matrix and its factor, with
-/// about two each.
+/// Upper bound of the memory of process 0 during condensation, in dense matrices: S here and in MUMPS, S as a sparse matrix with its indices,
+/// its factor.
 const COPIES: u64 = 6;
 
 impl<'w> DistributedBody<'w> {
