@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use numpy::{PyArray1, PyArray2};
+use numpy::PyArray1;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
@@ -14,7 +14,7 @@ use semismooth::complementarity::{
 use semismooth::sparse::{Matrix, Pattern};
 use serde::Serialize;
 
-use crate::arrays::{bound, counted, matrix, names, python, rows, sparse, vector};
+use crate::arrays::{bound, counted, matrix, python, sparse, vector};
 use crate::errors::{Run, raised};
 use crate::map::{Map, TracedFunction, map_of};
 
