@@ -30,7 +30,7 @@ pub struct FrictionArgs {
     /// No table, no progress
     #[arg(long, short)]
     quiet: bool,
-    /// Folder for problems.csv, one line per file, and a table of contacts for each
+    /// Folder for problems.csv, a line per file, and a table of contacts each
     #[arg(long)]
     out: Option<PathBuf>,
     /// Time limit for each problem, in seconds
