@@ -161,6 +161,7 @@ fn undecided(selections: u64, doubt: Doubt) -> String {
     let why = match doubt {
         Doubt::NoCoefficients => "the coefficients are not known exactly",
         Doubt::Discontinuous => "the pieces do not agree where they meet",
+        Doubt::Contradiction => "the coefficients stated are not those of the pieces",
         Doubt::Limit => "the search in exact arithmetic reached its cap",
         _ => "rounding decides",
     };

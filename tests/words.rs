@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use semismooth::UnknownName;
 use semismooth::complementarity::active_set::{ActiveSetOptions, Nested};
-use semismooth::complementarity::{AffineFunction, Lcp, Mcp, McpStrategy, Variables};
+use semismooth::complementarity::{AffineFunction, Lcp, Mcp, McpOptions, Variables};
 use semismooth::cones::ConeStrategy;
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactState, ContactStrategy, EvolutionOptions, FixedPointOptions,
@@ -45,16 +45,7 @@ fn names_are_read_back() {
         CellKind::Hexahedron,
     ]);
     read_back(&[PlaneModel::Strain, PlaneModel::Stress]);
-    read_back(&[
-        McpStrategy::Newton,
-        McpStrategy::FischerBurmeister,
-        McpStrategy::Proximal,
-        McpStrategy::JosephyNewton,
-        McpStrategy::Homotopy,
-        McpStrategy::Enumeration,
-        McpStrategy::Smoothing,
-        McpStrategy::Restart,
-    ]);
+    read_back(&McpOptions::default().strategies);
     read_back(&[
         ConeStrategy::Newton,
         ConeStrategy::InteriorPoints,

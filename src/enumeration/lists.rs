@@ -53,6 +53,8 @@ pub enum Doubt {
     Coincidence,
     /// The search, or that in exact arithmetic, reached its cap.
     Limit,
+    /// Listed points or directions do not solve the map: the coefficients that it states are those of another one.
+    Contradiction,
 }
 
 impl fmt::Display for Doubt {
@@ -63,6 +65,7 @@ impl fmt::Display for Doubt {
             Self::Discontinuous => "the pieces do not agree on a facet between them",
             Self::Coincidence => "at no exact solution do all test functions vanish that count as vanishing",
             Self::Limit => "the search reached its cap",
+            Self::Contradiction => "the coefficients that the map states are not those of its pieces",
         })
     }
 }

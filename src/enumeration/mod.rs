@@ -14,6 +14,7 @@
 
 mod arms;
 mod certificate;
+mod contradiction;
 mod enclosure;
 mod error;
 mod exhaustive;

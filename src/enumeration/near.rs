@@ -38,6 +38,11 @@ pub(super) struct Directions {
 }
 
 impl Near {
+    /// Sizes of the unknowns in which the conditions are balanced.
+    pub(super) fn units(&self) -> Vec<f64> {
+        Scaling::of(&self.conditions).unscaled(&vec![1.0; self.conditions.unknowns])
+    }
+
     /// `None` where the map does not state its conditions as functions of α.
     pub(super) fn new(map: &dyn PiecewiseSmooth, x: &[f64]) -> Option<Self> {
         if !map.exact()?.is_affine_in_parameter() {

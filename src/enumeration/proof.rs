@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::certificate::Certificates;
+use super::contradiction::{Comparison, doubt_contradictions};
 use super::enclosure::Enclosure;
 use super::exhaustive::{self, Budget, ExactPoint};
 use super::lists::{Completeness, Continuum, Doubt, Extent, LISTED, NAMED, Solution, SolutionSet};
@@ -85,6 +86,8 @@ pub(super) fn proven_solutions(
         pivots: found.pivots,
     };
     gathered.finish(map, &mut set);
+    let units = stated.scaling.unscaled(&vec![1.0; conditions.unknowns]);
+    doubt_contradictions(Comparison::new(map, units), &mut set, deadline);
     Ok(set)
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::EnumerationOptions;
 use super::arms::{DirectionalArm, DirectionalArms};
+use super::contradiction::Comparison;
 use super::exhaustive::{self, Budget};
 use super::lists::Doubt;
 use super::near::{Directions, Near};
@@ -40,7 +41,10 @@ pub(super) fn proven_arms(
     // By error bounds, or exactly where these leave a decision open.
     for exactly in [false, true] {
         match at_point(&given, &supposed, exactly, near, options, deadline) {
-            Ok(Some(found)) => return Ok(found),
+            Ok(Some(found)) => {
+                compare(Comparison::new(map, given.units()), x, &found, deadline)?;
+                return Ok(found);
+            }
             Ok(None) => {}
             Err(Doubt::Rounding) if !exactly => {}
             Err(why) => {
@@ -50,6 +54,24 @@ pub(super) fn proven_arms(
         }
     }
     Err(doubt)
+}
+
+/// An error where an arm does not solve H'(x; τ) = 0 for the pieces of the map themselves, or where time is over before that is known.
+fn compare(
+    mut comparison: Comparison<'_>,
+    x: &[f64],
+    found: &DirectionalArms,
+    deadline: Deadline<'_>,
+) -> Result<(), Doubt> {
+    for arm in &found.arms {
+        if deadline.is_over() {
+            return Err(Doubt::Limit);
+        }
+        if comparison.along(&arm.selections[0], x, &arm.tangent) {
+            return Err(Doubt::Contradiction);
+        }
+    }
+    Ok(())
 }
 
 fn at_point(

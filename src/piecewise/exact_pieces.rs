@@ -87,6 +87,10 @@ pub struct ExactConditions {
 /// The conditions are those of the solutions of H(y, α) = 0 and need not be those of the map off its solutions: 0 ≤ y ⟂ w ≥ 0 is given
 /// by y and w, without units and without an augmentation parameter. Give stored numbers, and sums and products of them without rounding:
 /// pieces made of rounded products disagree on the facet between them, so that solutions there are lost or counted twice.
+///
+/// Proofs are those of the conditions given. Lists and arms are compared with the pieces of the map at the points and directions found, and
+/// doubted where these do not solve it ([`Doubt::Contradiction`](crate::enumeration::Doubt::Contradiction)); solutions that wrong conditions
+/// exclude are not found in this way.
 pub trait ExactPieces {
     /// The conditions at a parameter α (ignored by equations); `None` where coefficients are not known exactly.
     fn conditions(&self, alpha: f64) -> Option<ExactConditions>;

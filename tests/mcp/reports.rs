@@ -8,7 +8,7 @@ use semismooth::sparse::Matrix;
 
 use crate::properties::mirrored;
 use crate::random::Random;
-use crate::strategies::{ALL, random_problem};
+use crate::strategies::{all, random_problem};
 use crate::support::{INF, residual};
 
 fn run<F: McpFunction>(options: &McpOptions, problem: &Mcp<F>, start: &[f64]) -> (Vec<f64>, McpReport) {
@@ -20,9 +20,9 @@ fn run<F: McpFunction>(options: &McpOptions, problem: &Mcp<F>, start: &[f64]) ->
 
 /// Each strategy alone, and all of them.
 fn choices() -> Vec<McpOptions> {
-    let alone = ALL
-        .iter()
-        .map(|s| McpOptions::default().with_strategies(vec![*s]));
+    let alone = all()
+        .into_iter()
+        .map(|s| McpOptions::default().with_strategies(vec![s]));
     alone.chain([McpOptions::default()]).collect()
 }
 
@@ -139,7 +139,7 @@ fn histories_in_a_mirror_are_the_same_in_every_bit() {
         let other = mirrored(problem.function(), &problem);
         let start = starts(&mut rng);
         let turned: Vec<f64> = start.iter().map(|v| -v).collect();
-        for strategy in ALL {
+        for strategy in all() {
             // Random starts and the order of pivots are not mirrored.
             if matches!(strategy, McpStrategy::Restart | McpStrategy::JosephyNewton) {
                 continue;

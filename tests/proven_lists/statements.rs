@@ -1,6 +1,6 @@
 //! What maps state about their pieces, and what remains proven where a statement does not fit.
 
-use semismooth::enumeration::{Completeness, Doubt};
+use semismooth::enumeration::{Completeness, Doubt, EnumerationOptions, all_arms};
 use semismooth::piecewise::{
     Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, PiecewiseSmooth, Selection,
 };
@@ -55,6 +55,84 @@ impl ExactPieces for Torn {
             sites: vec![site],
             ..ExactConditions::default()
         })
+    }
+}
+
+/// y where y ≤ 0, 2 y where y ≥ 0, less α; the slope of the second piece is stated to be `stated`.
+struct Misstated {
+    stated: f64,
+}
+
+impl PiecewiseSmooth for Misstated {
+    two_pieces!(self, [negative, positive], 2, 1, 1);
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out[0] = x[0];
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        out[0] = [1.0, 2.0][s.piece(0)] * x[0] - x[1];
+    }
+    fn jacobian(&self, s: &Selection, _x: &[f64], jac: &mut Matrix) {
+        jac.add(0, 0, [1.0, 2.0][s.piece(0)]);
+        jac.add(0, 1, -1.0);
+    }
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        Some(self)
+    }
+}
+
+impl ExactPieces for Misstated {
+    fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
+        let form = |slope: f64, constant: f64| {
+            let mut form = ExactForm::zero(1);
+            form.coefficients[0] = Exact::new(slope)?;
+            form.constant = Exact::new(constant)?;
+            Some(form)
+        };
+        let piece = |piece: usize, sign: i8| ExactPiece {
+            piece,
+            equalities: vec![(0, 1 + piece)],
+            facets: vec![(0, sign)],
+        };
+        let site = ExactSite {
+            forms: vec![form(1.0, 0.0)?, form(1.0, -alpha)?, form(self.stated, -alpha)?],
+            pieces: vec![piece(0, -1), piece(1, 1)],
+            implied: Vec::new(),
+        };
+        Some(ExactConditions {
+            unknowns: 1,
+            sites: vec![site],
+            ..ExactConditions::default()
+        })
+    }
+    fn is_affine_in_parameter(&self) -> bool {
+        true
+    }
+}
+
+/// Proofs are those of the coefficients stated: points and directions that do not solve the map itself are never called complete.
+#[test]
+fn statements_that_the_pieces_contradict_prove_nothing() {
+    let doubt = Doubt::Contradiction;
+    for (stated, right) in [(2.0, true), (2.002, false), (3.0, false), (1.0, false)] {
+        let found = list(&Misstated { stated }, 1.0);
+        let expected = match right {
+            true => (Completeness::Complete, Some(1)),
+            false => (Completeness::Undecided { selections: 1, doubt }, None),
+        };
+        assert_eq!((found.completeness, found.index_sum), expected, "{stated}");
+        let arms = all_arms(&Misstated { stated }, &[0.0, 0.0], &EnumerationOptions::default()).unwrap();
+        let expected = match right {
+            true => Completeness::Complete,
+            false => Completeness::Undecided { selections: 0, doubt },
+        };
+        assert_eq!(arms.completeness, expected, "{stated}");
+        // The arms themselves are those of the pieces, whatever is stated.
+        let mut slopes: Vec<f64> = arms.arms.iter().map(|a| a.tangent[0] / a.tangent[1]).collect();
+        slopes.sort_by(f64::total_cmp);
+        assert!(
+            slopes.len() == 2 && (slopes[0] - 0.5).abs() < 1e-12 && (slopes[1] - 1.0).abs() < 1e-12,
+            "{slopes:?}"
+        );
     }
 }
 

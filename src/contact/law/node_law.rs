@@ -15,7 +15,8 @@ pub struct LocalValues {
     pub node: usize,
     /// u_ν − gap, ≤ 0 where admissible.
     pub penetration: f64,
-    /// u_t; the second component is 0 in the plane.
+    /// u_t less the reference: in a [history](crate::contact::evolve), the slip since the end of the level before. The second component is 0
+    /// in the plane.
     pub slip: [f64; 2],
     /// λν ≥ 0.
     pub pressure: f64,
@@ -371,7 +372,9 @@ pub trait NodeLaw {
 
     /// [c, s] of the coefficient of friction F = c + α s of a node, where the law is planar Coulomb friction with the pieces open, stick,
     /// slip+ and slip− and F depends on nothing else but the `history` of the node: contact is then
-    /// [stated exactly](crate::piecewise::PiecewiseSmooth::exact), and lists of solutions are proven.
+    /// [stated exactly](crate::piecewise::PiecewiseSmooth::exact), and lists of solutions are proven. It must be the F of the residual: proofs
+    /// are those of these numbers. Lists with points that do not solve the map are doubted
+    /// ([`Doubt::Contradiction`](crate::enumeration::Doubt::Contradiction)), but nothing finds a solution that wrong numbers exclude.
     fn affine_friction(&self, _node: usize, _history: &[f64]) -> Option<[f64; 2]> {
         None
     }

@@ -1,0 +1,106 @@
+//! Proofs hold for the coefficients that a map states. Whether these are its own is seen where the list is: at the solutions.
+
+use super::lists::{Completeness, Doubt, SolutionSet};
+use crate::clock::Deadline;
+use crate::piecewise::{PiecewiseSmooth, Selection};
+use crate::sparse::Matrix;
+
+/// Residuals above this part of their terms contradict a solution. Listed coordinates have eight digits, in the units of the statement and
+/// relative to the largest of the point.
+const CONTRADICTION: f64 = 1e-5;
+
+/// Compares listed points, and directions, with the pieces of a map.
+pub(super) struct Comparison<'a> {
+    map: &'a dyn PiecewiseSmooth,
+    /// Sizes of the unknowns y; α has the last one.
+    units: Vec<f64>,
+    jac: Matrix,
+    values: Vec<f64>,
+    terms: Vec<f64>,
+}
+
+impl<'a> Comparison<'a> {
+    /// `units` of the unknowns of the statement; those of the map come first.
+    pub(super) fn new(map: &'a dyn PiecewiseSmooth, mut units: Vec<f64>) -> Self {
+        let n = map.num_residuals();
+        units.truncate(n);
+        Self {
+            map,
+            units,
+            jac: Matrix::zeros(map.pattern()),
+            values: vec![0.0; n],
+            terms: vec![0.0; n],
+        }
+    }
+
+    /// Whether H^(σ)(x) is not 0, by far more than rounding.
+    pub(super) fn at_point(&mut self, selection: &Selection, x: &[f64]) -> bool {
+        // Constants of the map may cancel in numbers that it does not show: at least the size of those stated counts.
+        self.linearise(selection, x, x, 1.0);
+        let mut residual = vec![0.0; self.values.len()];
+        self.map.residual(selection, x, &mut residual);
+        // What is left of H without its linear part is the constant.
+        for ((r, value), term) in residual.iter().zip(&self.values).zip(&mut self.terms) {
+            *term += (r - value).abs();
+        }
+        contradicts(&residual, &self.terms)
+    }
+
+    /// Whether ∇H^(σ)(x) d is not 0, by far more than rounding.
+    pub(super) fn along(&mut self, selection: &Selection, x: &[f64], d: &[f64]) -> bool {
+        self.linearise(selection, x, d, 0.0);
+        contradicts(&self.values, &self.terms)
+    }
+
+    /// ∇H^(σ)(x) d, and the size of its terms where each unknown is as large as the largest in its unit, or `least`.
+    fn linearise(&mut self, selection: &Selection, x: &[f64], d: &[f64], least: f64) {
+        let largest = d
+            .iter()
+            .zip(&self.units)
+            .map(|(d, u)| (d / u).abs())
+            .fold(least, f64::max);
+        self.jac.clear();
+        self.map.jacobian(selection, x, &mut self.jac);
+        self.values.fill(0.0);
+        self.terms.fill(0.0);
+        for (i, j, v) in self.jac.triplets() {
+            self.values[i] += v * d[j];
+            self.terms[i] += (v * self.units.get(j).map_or(d[j], |u| u * largest)).abs();
+        }
+    }
+}
+
+fn contradicts(values: &[f64], terms: &[f64]) -> bool {
+    let mut rows = values.iter().zip(terms);
+    rows.any(|(value, terms)| value.is_nan() || value.abs() > CONTRADICTION * terms)
+}
+
+/// No list is proven with points that are no solutions of the map, whose statement then is that of another one, or that time has left
+/// uncompared.
+pub(super) fn doubt_contradictions(
+    mut comparison: Comparison<'_>,
+    set: &mut SolutionSet,
+    deadline: Deadline<'_>,
+) {
+    let (mut wrong, mut late) = (0, false);
+    for solution in &set.solutions {
+        late = deadline.is_over();
+        if late {
+            break;
+        }
+        wrong += u64::from(comparison.at_point(&solution.selections[0], &solution.x));
+    }
+    let doubt = match (wrong, late) {
+        (0, false) => return,
+        (0, true) if !set.completeness.is_complete() => return,
+        (0, true) => Doubt::Limit,
+        _ => Doubt::Contradiction,
+    };
+    if !matches!(set.completeness, Completeness::Incomplete { .. }) {
+        set.index_sum = None;
+        set.completeness = Completeness::Undecided {
+            selections: wrong,
+            doubt,
+        };
+    }
+}
