@@ -1,4 +1,4 @@
-//! Proofs hold for the coefficients that a map states. Whether these are its own is seen where the list is: at the solutions.
+//! Proofs hold for the coefficients that a map states. The points and directions found are compared with the map itself.
 
 use super::lists::{Completeness, Doubt, SolutionSet};
 use crate::clock::Deadline;
@@ -9,7 +9,7 @@ use crate::sparse::Matrix;
 /// relative to the largest of the point.
 const CONTRADICTION: f64 = 1e-5;
 
-/// Compares listed points, and directions, with the pieces of a map.
+/// Compares points and directions with the pieces of a map.
 pub(super) struct Comparison<'a> {
     map: &'a dyn PiecewiseSmooth,
     /// Sizes of the unknowns y; α has the last one.
@@ -75,8 +75,8 @@ fn contradicts(values: &[f64], terms: &[f64]) -> bool {
     rows.any(|(value, terms)| value.is_nan() || value.abs() > CONTRADICTION * terms)
 }
 
-/// No list is proven with points that are no solutions of the map, whose statement then is that of another one, or that time has left
-/// uncompared.
+/// A list is not proven if some of its points do not solve the map, whose statement then is wrong, or if time is over before all of them
+/// are compared.
 pub(super) fn doubt_contradictions(
     mut comparison: Comparison<'_>,
     set: &mut SolutionSet,
