@@ -12,11 +12,12 @@ const CONTRADICTION: f64 = 1e-5;
 /// Compares points and directions with the pieces of a map.
 pub(super) struct Comparison<'a> {
     map: &'a dyn PiecewiseSmooth,
-    /// Sizes of the unknowns y; α has the last one.
+    /// Sizes of the unknowns y.
     units: Vec<f64>,
     jac: Matrix,
     values: Vec<f64>,
     terms: Vec<f64>,
+    residual: Vec<f64>,
 }
 
 impl<'a> Comparison<'a> {
@@ -30,6 +31,7 @@ impl<'a> Comparison<'a> {
             jac: Matrix::zeros(map.pattern()),
             values: vec![0.0; n],
             terms: vec![0.0; n],
+            residual: vec![0.0; n],
         }
     }
 
@@ -37,13 +39,12 @@ impl<'a> Comparison<'a> {
     pub(super) fn at_point(&mut self, selection: &Selection, x: &[f64]) -> bool {
         // Constants of the map may cancel in numbers that it does not show: at least the size of those stated counts.
         self.linearise(selection, x, x, 1.0);
-        let mut residual = vec![0.0; self.values.len()];
-        self.map.residual(selection, x, &mut residual);
+        self.map.residual(selection, x, &mut self.residual);
         // What is left of H without its linear part is the constant.
-        for ((r, value), term) in residual.iter().zip(&self.values).zip(&mut self.terms) {
+        for ((r, value), term) in self.residual.iter().zip(&self.values).zip(&mut self.terms) {
             *term += (r - value).abs();
         }
-        contradicts(&residual, &self.terms)
+        contradicts(&self.residual, &self.terms)
     }
 
     /// Whether ∇H^(σ)(x) d is not 0, by far more than rounding.
