@@ -5,6 +5,7 @@
 #endif
 #include <signal.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 _Static_assert(sizeof(PetscScalar) == sizeof(double) && sizeof(PetscReal) == sizeof(double), "PetscScalar is not double");
@@ -22,12 +23,15 @@ static MPI_Comm votes = MPI_COMM_NULL;
 /* The process that prints messages common to all. */
 static volatile pid_t teller = 0;
 
-/* Ctrl-C reaches the processes as SIGTERM from mpiexec. Process 0 prints a message; no process stays in a call that waits for others. */
+/* Ctrl-C reaches the processes as SIGTERM from mpiexec. Process 0 prints a message; no process stays in a call that waits for others.
+ * mpiexec of Open MPI 4 kills all others (SIGKILL) as soon as one has ended: they wait until process 0 has had time to print. */
 static void interrupted(int number)
 {
-  static const char said[] = "error: the job was interrupted by a signal; what was saved before stays\n";
+  static const char     said[] = "error: the job was interrupted by a signal; what was saved before stays\n";
+  const struct timespec wait   = {.tv_sec = 1};
 
   if (getpid() == teller) (void)!write(STDERR_FILENO, said, strlen(said));
+  else (void)nanosleep(&wait, NULL);
   _exit(128 + number);
 }
 
