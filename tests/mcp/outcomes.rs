@@ -3,7 +3,7 @@ use std::time::Duration;
 
 use semismooth::complementarity::{
     AffineFunction, BoundState, ComplementarityError, Mcp, McpIteration, McpOptions, McpSolver, McpStatus,
-    McpStrategy, WithJacobian,
+    McpStep, McpStrategy, WithJacobian,
 };
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -104,6 +104,58 @@ fn paths_and_enumeration_keep_their_limits() {
         !matches!(status, McpStatus::Infeasible | McpStatus::Solved),
         "{status:?}"
     );
+}
+
+/// Each point of a path is told as it is counted, and a search of active sets goes on between calls; both end when the observer says so.
+#[test]
+fn observers_are_called_along_paths_and_during_enumeration() {
+    let m = Matrix::from_rows(&[[4.0, 2.0, -2.0], [3.0, -2.0, 3.0], [0.0, 3.0, 2.0]]).unwrap();
+    let small = Mcp::ncp(AffineFunction::new(m, vec![0.0, -4.0, 1.0]).unwrap()).unwrap();
+    // Of the 2ⁿ active sets of xᵢ ≥ 0, xᵢ ≤ 1 + Σ xⱼ (j ≠ i) most are not excluded early.
+    let n = 14;
+    let rows: Vec<Vec<f64>> = (0..n)
+        .map(|i| (0..n).map(|j| if i == j { -1.0 } else { 1.0 }).collect())
+        .collect();
+    let m = Matrix::from_rows(&rows).unwrap();
+    let large = Mcp::ncp(AffineFunction::new(m, vec![1.0; n]).unwrap()).unwrap();
+    for (problem, strategy) in [
+        (&small, McpStrategy::Homotopy),
+        (&large, McpStrategy::Enumeration),
+    ] {
+        let options = McpOptions::default().with_strategies(vec![strategy]);
+        let mut solver = McpSolver::new(options);
+        let start = vec![2.0; problem.len()];
+        let (mut between, mut steps) = (0, 0);
+        let report = solver.solve_observed(problem, &mut start.clone(), |now| {
+            assert_eq!(now.strategy, strategy);
+            between += usize::from(now.residual.is_nan());
+            steps += usize::from(now.step != McpStep::None);
+            ControlFlow::Continue(())
+        });
+        let (status, iterations) = report.map(|r| (r.status, r.iterations)).unwrap();
+        assert!(between > 0, "{strategy:?}: {status:?}");
+        if strategy == McpStrategy::Homotopy {
+            assert_eq!(iterations, between + steps);
+        }
+        for last in [1, between] {
+            let mut calls = 0;
+            let report = solver.solve_observed(problem, &mut start.clone(), |now| {
+                calls += usize::from(now.residual.is_nan());
+                match calls == last {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            });
+            let report = report.unwrap();
+            assert_eq!(calls, last);
+            // Solutions found by then are returned.
+            match report.status {
+                McpStatus::Solved => assert_eq!(strategy, McpStrategy::Enumeration),
+                status => assert_eq!(status, McpStatus::Interrupted),
+            }
+            assert!(last > 1 || report.iterations < iterations, "{iterations}");
+        }
+    }
 }
 
 #[test]

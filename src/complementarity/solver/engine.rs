@@ -240,18 +240,23 @@ impl Engine<'_> {
         self.interrupted = self.interrupted || (self.observe)(&iteration).is_break();
     }
 
-    /// Reports a start at which F is not finite to the observer, which may want to stop: there may be very many of them.
-    pub(super) fn tell_undefined(&mut self) {
-        let start = McpIteration {
+    /// Calls the observer, which may want to stop, between iterates.
+    pub(super) fn tell(&mut self, strategy: McpStrategy) {
+        let now = self.between(strategy);
+        self.interrupted = self.interrupted || (self.observe)(&now).is_break();
+    }
+
+    /// What the observer is told between iterates, where no residual of the problem is at hand.
+    pub(super) fn between(&self, strategy: McpStrategy) -> McpIteration {
+        McpIteration {
             index: self.report.iterations,
-            strategy: McpStrategy::Restart,
+            strategy,
             residual: f64::NAN,
             merit: f64::NAN,
             step: McpStep::None,
             damping: 0.0,
             sites_changed: 0,
-        };
-        self.interrupted = self.interrupted || (self.observe)(&start).is_break();
+        }
     }
 
     /// The number of components whose piece of the natural map at `work.here.x` is not that of the iterate recorded last.

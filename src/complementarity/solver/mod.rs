@@ -120,8 +120,8 @@ impl McpSolver {
         self.solve_observed(problem, x, |_| ControlFlow::Continue(()))
     }
 
-    /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run. It is also called for perturbed starts at
-    /// which F is not finite, with residual and merit NaN; these are not in the history.
+    /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run. It is also called, with residual and merit
+    /// NaN, for points of paths, during enumeration, and for perturbed starts at which F is not finite; these are not in the history.
     ///
     /// # Errors
     /// As [`solve`](Self::solve).

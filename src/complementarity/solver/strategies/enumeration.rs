@@ -1,10 +1,12 @@
 //! Small affine problems: a pruned search of all active sets.
 
+use std::cell::{Cell, RefCell};
+
 use crate::complementarity::Mcp;
 use crate::complementarity::solver::McpStatus;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::Plan;
-use crate::enumeration::{EnumerationOptions, all_solutions};
+use crate::enumeration::{EnumerationOptions, all_solutions_until};
 
 /// Affine problems up to this size are enumerated. `properties::arbitrary_small_problems_are_never_claimed_wrongly`.
 const ENUMERABLE: usize = 24;
@@ -42,9 +44,17 @@ impl Engine<'_> {
         let options = EnumerationOptions::default()
             .with_max_nodes(self.options.max_nodes.min(nodes))
             .with_max_time(left);
-        let set = match problem.map(|p| all_solutions(&p, 0.0, &options)) {
-            Ok(Ok(set)) => set,
-            _ => return McpStatus::Stalled,
+        let now = self.between(self.strategy);
+        let (observe, stopped) = (RefCell::new(&mut *self.observe), Cell::new(self.interrupted));
+        let stop = || {
+            // An observer that has asked to stop is not called again.
+            stopped.set(stopped.get() || observe.borrow_mut()(&now).is_break());
+            stopped.get()
+        };
+        let set = problem.map(|p| all_solutions_until(&p, 0.0, &options, &stop));
+        self.interrupted = stopped.get();
+        let Ok(Ok(set)) = set else {
+            return McpStatus::Stalled;
         };
         self.report.iterations += set.nodes as usize / n.max(1);
         let ends = set.continua.iter().flat_map(|c| &c.ends);

@@ -45,6 +45,7 @@ impl Engine<'_> {
         let options = self.path_options(size, least);
         let each = options.max_points;
         let end = pursue(&map, &x, &options, BRANCHINGS, &|_| each, &mut |_| {
+            self.tell(self.strategy);
             self.report.iterations += 1;
             self.exhausted().is_some()
         })?;

@@ -33,7 +33,7 @@ impl Engine<'_> {
                 }
                 self.candidate(k);
                 if !self.evaluate() {
-                    self.tell_undefined();
+                    self.tell(McpStrategy::Restart);
                     continue;
                 }
                 let ended = self.attempt(McpStrategy::Restart, |e| {
