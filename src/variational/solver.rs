@@ -134,7 +134,7 @@ impl ViSolver {
         self.solve_observed(problem, x, |_| ControlFlow::Continue(()))
     }
 
-    /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run.
+    /// [`solve`](Self::solve), reporting to `observe` as [`McpSolver::solve_observed`] does; `observe` may stop the run.
     ///
     /// # Errors
     /// As [`solve`](Self::solve).
