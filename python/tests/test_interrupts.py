@@ -95,8 +95,7 @@ def cone():
     def residual(x):
         return x**2 + np.roll(x, 1) ** 2 + 1
 
-    # Restarts at which F is not finite pass without a check for signals: five microseconds each.
-    ss.solve_cone(residual, [("free", 30), ("second-order", 10)], np.ones(40), **without_end(restarts=2000))
+    ss.solve_cone(residual, [("free", 30), ("second-order", 10)], np.ones(40), **without_end())
 
 
 def pivots():

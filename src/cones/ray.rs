@@ -20,6 +20,7 @@ pub(super) fn ray(
     problem: &ConeProblem<&dyn McpFunction>,
     options: &ConeOptions,
     deadline: Deadline<'static>,
+    observe: &mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
     (parts, block): (&[Part], &[usize]),
     x: &[f64],
 ) -> Result<Option<ConeRay>, ConeError> {
@@ -49,7 +50,7 @@ pub(super) fn ray(
             return Ok(None);
         };
         let alone = ConeProblem::new(&function as &dyn McpFunction, cones)?;
-        if let Some(mut found) = ray_of_block(&alone, options, deadline, &part_of(x))? {
+        if let Some(mut found) = ray_of_block(&alone, options, deadline, observe, &part_of(x))? {
             let mut direction = vec![0.0; x.len()];
             members
                 .iter()
@@ -76,6 +77,7 @@ fn ray_of_block(
     problem: &ConeProblem<&dyn McpFunction>,
     options: &ConeOptions,
     deadline: Deadline<'static>,
+    observe: &mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
     x: &[f64],
 ) -> Result<Option<ConeRay>, ConeError> {
     let n = x.len();
@@ -106,9 +108,8 @@ fn ray_of_block(
     let cones = cones.chain([Cone::Free(1)]).collect();
     let dual = ConeProblem::new(&conditions as &dyn McpFunction, cones)?;
     let mut z = vec![0.0; 2 * n + 1];
-    let mut silent = |_: &ConeIteration| ControlFlow::Continue(());
     let options = options.clone().with_restarts(0);
-    let mut run = Run::new(&dual, &options, deadline, &mut silent)?;
+    let mut run = Run::new(&dual, &options, deadline, observe)?;
     run.all_starts(&z)?;
     z.copy_from_slice(&run.best);
     // Where the conditions hold in the limit only, small components may be remainders of the iteration.

@@ -79,6 +79,16 @@ pub(super) struct Run<'a> {
     pub(super) report: ConeReport,
 }
 
+/// What the observer is told between iterates.
+pub(super) fn between(attempt: usize) -> ConeIteration {
+    ConeIteration {
+        attempt,
+        merit: f64::NAN,
+        mu: f64::NAN,
+        damping: 0.0,
+    }
+}
+
 impl<'a> Run<'a> {
     pub(super) fn new(
         problem: &'a ConeProblem<&'a dyn McpFunction>,
@@ -174,7 +184,11 @@ impl<'a> Run<'a> {
             };
             match outcome {
                 ConeStatus::Stalled | ConeStatus::IterationLimit => status = outcome,
-                ConeStatus::EvaluationFailure if attempt > 0 => {}
+                ConeStatus::EvaluationFailure if attempt > 0 => {
+                    if (self.observe)(&between(attempt)).is_break() {
+                        return Ok(ConeStatus::Interrupted);
+                    }
+                }
                 _ => return Ok(outcome),
             }
             if let Some(limit) = self.exhausted() {

@@ -2,7 +2,7 @@ use std::cell::Cell;
 use std::ops::ControlFlow;
 
 use super::ray::ray;
-use super::run::Run;
+use super::run::{Run, between};
 use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus};
 use crate::clock::Deadline;
 use crate::complementarity::{AffineFunction, McpFunction};
@@ -41,7 +41,8 @@ impl ConeSolver {
         self.solve_observed(problem, x, |_| ControlFlow::Continue(()))
     }
 
-    /// [`solve`](Self::solve), reporting every iterate to `observe`, which may stop the run.
+    /// [`solve`](Self::solve), reporting every iterate to `observe`, which may stop the run. It is also called, with merit and μ NaN, for
+    /// perturbed starts at which F is not finite, and during the search for a proof that there is no solution; these are not in the history.
     ///
     /// # Errors
     /// As [`solve`](Self::solve).
@@ -70,9 +71,20 @@ impl ConeSolver {
         report.residual = problem.natural_residual(x, &mut room)?;
         let sought = matches!(report.status, ConeStatus::Stalled | ConeStatus::IterationLimit);
         if sought && problem.function().is_affine() {
-            report.ray = ray(&problem, &self.options, deadline, (&run.parts, &run.block), x)?;
+            let mut stopped = false;
+            let mut tell = |_: &ConeIteration| {
+                stopped = stopped || (run.observe)(&between(run.attempt)).is_break();
+                match stopped {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            };
+            let parts = (&run.parts[..], &run.block[..]);
+            report.ray = ray(&problem, &self.options, deadline, &mut tell, parts, x)?;
             if report.ray.is_some() {
                 report.status = ConeStatus::NoSolution;
+            } else if stopped {
+                report.status = ConeStatus::Interrupted;
             }
         }
         report.evaluations = counted.evaluations.get();

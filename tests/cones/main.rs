@@ -247,6 +247,43 @@ fn limits_and_observers_stop_the_run() {
     }
 }
 
+/// Observers are called, with merit NaN, during the search for a proof that there is no solution, and for starts at which F is not finite;
+/// they end the run there, and are not called again.
+#[test]
+fn observers_are_called_between_iterates() {
+    let matrix = Matrix::from_rows(&[[-2.0, 1.0, 0.0], [1.0, 1.0, -2.0], [0.0, 2.0, -1.0]]).unwrap();
+    let none = AffineFunction::new(matrix, vec![-3.0, 1.0, 2.0]).unwrap();
+    let start = [3.0, 1.0, -2.0];
+    let nowhere = WithJacobian::new(
+        3,
+        |x: &[f64], f: &mut [f64]| {
+            let near = (0..3).all(|i| (x[i] - start[i]).abs() < 0.05);
+            let factor = if near { 1.0 } else { f64::NAN };
+            (0..3).for_each(|i| f[i] = factor * (-1.0 - x[i] * x[i]));
+        },
+        |x: &[f64], jac: &mut Matrix| (0..3).for_each(|i| jac.add(i, i, -2.0 * x[i])),
+    );
+    let functions: [(&dyn McpFunction, usize); 2] = [(&none, 0), (&nowhere, 1_000_000)];
+    for (function, restarts) in functions {
+        let problem = ConeProblem::new(function, vec![Cone::SecondOrder(3)]).unwrap();
+        let solver = ConeSolver::new(ConeOptions::default().with_restarts(restarts));
+        let mut between = 0;
+        let report = solver.solve_observed(&problem, &mut start.clone(), |now| {
+            between += usize::from(now.merit.is_nan());
+            match between {
+                0 => ControlFlow::Continue(()),
+                _ => ControlFlow::Break(()),
+            }
+        });
+        let report = report.unwrap();
+        // What has been found by then may be the proof.
+        let proven = report.status == ConeStatus::NoSolution && report.ray.is_some();
+        assert!(proven || report.status == ConeStatus::Interrupted, "{report}");
+        assert_eq!(between, 1);
+        assert!(report.history.iter().all(|now| now.merit.is_finite()));
+    }
+}
+
 /// F with derivative 0: a constant F inside the cone has the solution 0, on the boundary a ray of solutions, outside none.
 #[test]
 fn functions_that_are_singular_everywhere() {
