@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::error::check_vector;
-use super::load::add;
+use super::load::{Factors, add};
 use super::view::FullView;
 use super::{CondensedInterface, Interface, InterfaceError, InterfaceProblem};
 use crate::piecewise::{PiecewiseSmooth, Selection, check_selection};
@@ -49,18 +49,18 @@ impl<G: PiecewiseSmooth> CondensedInterface<G> {
         check_vector("the length of x", self.num_vars(), x)?;
         check_vector("the length of the tangent", self.num_vars(), t)?;
         let mut u = vec![0.0; self.num_displacements()];
-        self.with_scratch(|s| {
-            s.free.factors.set(&self.operator.load, &x[q..]);
-            if self.operator.load.base().is_none() {
-                let (f, rate) = s.free.load.split_at_mut(u.len());
-                self.operator.load.general(x[q], f, rate);
-                add(t[q], rate, &mut u);
-            }
-            for (k, case) in self.operator.load.parts().enumerate() {
-                let c = s.free.factors.rate[k] * t[q + self.operator.load.slot(k)];
-                add(c, case.forces(), &mut u);
-            }
-        });
+        // Factors of its own: those of the workspace belong to the point evaluated last.
+        let load = &self.operator.load;
+        let mut factors = Factors::new(load);
+        factors.set(load, &x[q..]);
+        if load.base().is_none() {
+            let (mut f, mut rate) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+            load.general(x[q], &mut f, &mut rate);
+            add(t[q], &rate, &mut u);
+        }
+        for (k, case) in load.parts().enumerate() {
+            add(factors.rate[k] * t[q + load.slot(k)], case.forces(), &mut u);
+        }
         self.view.condensation().expand(&t[..q], &mut u)?;
         u.extend_from_slice(t);
         Ok(u)

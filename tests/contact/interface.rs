@@ -2,7 +2,7 @@
 
 use crate::random::Random;
 use crate::support::laplacian;
-use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, PlanarCoulomb};
+use semismooth::contact::{CondensedContact, FrictionCoefficient, FrictionCurve, FullContact, PlanarCoulomb};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::interface::{InterfaceError, InterfaceProblem, LoadPath};
@@ -404,6 +404,121 @@ fn many_threads_on_one_problem() {
     });
     for (seed, known) in seeds.zip(&alone) {
         assert_eq!((image(&copies.0, seed), image(&copies.1, seed)), *known);
+    }
+}
+
+/// Residuals, tangents and derivatives at one point leave no trace in those at another one: for friction that depends on the slip under load
+/// cases with curved amplitudes, and for an affine law under a general path.
+#[test]
+fn derivatives_belong_to_the_point_given() {
+    let parts = parts(5, 2, 5);
+    let [f0, f1] = parts.load.clone();
+    let weakening = FrictionCurve::exponential(0.8, 0.2, 0.1).unwrap();
+    let weakening = FrictionCoefficient::uniform(weakening);
+    let bent = |alpha: f64, value: &mut [f64], rate: &mut [f64]| {
+        (value[0], rate[0]) = (alpha.sin(), alpha.cos());
+    };
+    let cases = LoadPath::cases(f0.clone(), [f1.clone()], bent);
+    let path = LoadPath::function(move |alpha, value, rate| {
+        for i in 0..25 {
+            value[i] = f0[i] + alpha.sin() * f1[i];
+            rate[i] = alpha.cos() * f1[i];
+        }
+    });
+    let selection = Selection::from_pieces([2, 3]);
+    let derivatives = |map: &dyn PiecewiseSmooth, x: &[f64]| {
+        let mut jac = Matrix::zeros(map.pattern());
+        map.jacobian(&selection, x, &mut jac);
+        let mut rates = vec![0.0; (0..2).map(|site| map.num_tests(site)).sum()];
+        map.test_derivatives(x, &vec![0.3; x.len()], &mut rates);
+        (jac.values().to_vec(), rates)
+    };
+    for (load, friction) in [
+        (cases, weakening),
+        (path, FrictionCoefficient::constant(0.4).unwrap()),
+    ] {
+        let full = || {
+            let (a, bnu, bt) = (parts.a.clone(), parts.bnu.clone(), parts.bt.clone());
+            FullContact::planar(a, bnu, bt, load.clone(), friction.clone()).unwrap()
+        };
+        let condensed = full().condensed().unwrap();
+        let at = |alpha: f64| vec![-1.5, -0.8, 0.4, -0.3, alpha];
+        let evaluate = |map: &dyn PiecewiseSmooth, x: &[f64]| {
+            map.residual(&selection, x, &mut vec![0.0; map.num_residuals()]);
+        };
+        let (here, there) = (at(0.2), at(1.4));
+        let fresh = full().condensed().unwrap();
+        evaluate(&fresh, &here);
+        let expected = derivatives(&fresh, &here);
+        evaluate(&condensed, &there);
+        assert_eq!(derivatives(&condensed, &here), expected);
+        evaluate(&condensed, &here);
+        condensed
+            .expand_tangent(&there, &[0.0, 0.0, 0.0, 0.0, 1.0])
+            .unwrap();
+        assert_eq!(derivatives(&condensed, &here), expected);
+        let (map, fresh) = (full(), full());
+        let [here, there] = [here, there].map(|x| condensed.expand(&x).unwrap());
+        evaluate(&fresh, &here);
+        evaluate(&map, &there);
+        assert_eq!(derivatives(&map, &here), derivatives(&fresh, &here));
+    }
+}
+
+/// A line of loads has the same typical sizes as load cases and as a general path; α is large where it changes the load little.
+#[test]
+fn sizes_do_not_depend_on_how_a_load_is_given() {
+    let parts = parts(3, 2, 1);
+    let (f0, f1) = (vec![f64::exp2(40.0); 9], vec![1.0; 9]);
+    let cases = LoadPath::affine(f0.clone(), f1.clone());
+    let path = LoadPath::function(move |alpha, value, rate| {
+        for i in 0..9 {
+            value[i] = f0[i] + alpha * f1[i];
+            rate[i] = f1[i];
+        }
+    });
+    let [first, second] = [cases, path].map(|load| {
+        let map = parts.with_load(load);
+        let mut sizes = vec![1.0; map.num_vars()];
+        map.typical_sizes(&mut sizes);
+        sizes
+    });
+    assert_eq!(first, second);
+    assert_eq!(first.last(), Some(&f64::exp2(40.0)));
+    // Without cases there is nothing that amplitudes could bend.
+    let none: [Vec<f64>; 0] = [];
+    let constant = LoadPath::cases(vec![1.0; 9], none, |_, _, _| {});
+    assert!(parts.with_load(constant).is_piecewise_affine());
+}
+
+/// Gradients of test functions and their derivatives along the unit vectors, two parameters of the load included.
+#[test]
+fn gradients_of_tests_are_their_derivatives() {
+    let parts = parts(5, 2, 5);
+    let [f0, f1] = parts.load.clone();
+    let problem = parts.contact(LoadPath::affine(f0, f1));
+    let law = PlanarCoulomb::new(FrictionCoefficient::nodal(parts.friction.clone()).unwrap());
+    let second = Random::new(6).vector(25, 1.0);
+    let full = problem.with_second_parameter(second, law).unwrap();
+    let condensed = full.condensed().unwrap();
+    for map in [&full as &dyn PiecewiseSmooth, &condensed] {
+        let m = map.num_vars();
+        let x = Random::new(7).vector(m, 1.0);
+        let tests = map.num_tests(0);
+        let (mut rates, mut gradient) = (vec![0.0; 2 * tests], vec![0.0; m]);
+        for j in 0..m {
+            let mut unit = vec![0.0; m];
+            unit[j] = 1.0;
+            map.test_derivatives(&x, &unit, &mut rates);
+            for (k, rate) in rates.iter().enumerate() {
+                map.test_gradient(k / tests, k % tests, &x, &mut gradient);
+                assert!(
+                    (gradient[j] - rate).abs() < 1e-7,
+                    "{k}, {j}: {} {rate}",
+                    gradient[j]
+                );
+            }
+        }
     }
 }
 
