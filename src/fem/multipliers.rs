@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use super::contact::{INWARD, frame, unit};
 use super::facet::integrate_parts;
-use super::mesh::{by_position, dot};
+use super::mesh::{by_position, dot, norm};
 use super::{ContactRows, ElasticSystem, FemError, Foundation};
 use crate::sparse::Matrix;
 
@@ -139,6 +139,7 @@ impl ElasticSystem {
                 continue;
             }
             let vector = mesh.area_vector(facet);
+            let length = norm(vector);
             let k = facet.len();
             let middle: [f64; 3] =
                 std::array::from_fn(|d| facet.iter().map(|&n| points[n][d]).sum::<f64>() / k as f64);
@@ -169,7 +170,7 @@ impl ElasticSystem {
                 }
                 for d in 0..3 {
                     patch.centre[d] += measure * at[d];
-                    patch.normal[d] += measure * vector[d];
+                    patch.normal[d] += measure * vector[d] / length;
                 }
             });
             if let Some(e) = failure {

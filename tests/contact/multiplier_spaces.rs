@@ -165,6 +165,44 @@ fn means_of_affine_displacements() {
     }
 }
 
+/// The normal of a patch is that of ∫ν: of a curve, whatever the lengths of its facets, it is orthogonal to the chord. Of the dual cell of a
+/// node it is that of half of the two facets beside it, which the nodal rows use, too.
+#[test]
+fn normals_of_patches_are_means_over_their_length() {
+    let plain = Mesh::rectangle_graded(&[0.0, 0.1, 0.8, 1.0, 1.7, 2.0], &[0.0, 0.5, 1.0]).unwrap();
+    let points: Vec<[f64; 3]> = (plain.points().iter())
+        .map(|[x, y, _]| [*x, y + 0.1 * x * x * (1.0 - y), 0.0])
+        .collect();
+    let cells = (0..plain.num_cells()).map(|c| (plain.kind(c), plain.cell(c).to_vec()));
+    let mut mesh = Mesh::new(2, points, cells).unwrap();
+    for name in ["bottom", "top"] {
+        let facets = plain.facet_group(name).unwrap().to_vec();
+        mesh.add_facet_group(name, facets).unwrap();
+    }
+    let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap())
+        .fix("top")
+        .assemble()
+        .unwrap();
+    let rows = |multipliers| {
+        let ground = Foundation::gap(|x| x[1]);
+        system.contact_with("bottom", &ground, multipliers).unwrap()
+    };
+    // From (0, 0) to (2, 0.4).
+    let whole = rows(MultiplierSpace::Patches { size: 4.0 });
+    let chord = 2.0_f64.hypot(0.4);
+    assert_eq!(whole.normals.len(), 1);
+    let [x, y, _] = whole.normals[0];
+    assert!(
+        (x - 0.4 / chord).abs() < 1e-15 && (y + 2.0 / chord).abs() < 1e-15,
+        "{x} {y}"
+    );
+    let (nodal, dual) = (rows(MultiplierSpace::Nodal), rows(MultiplierSpace::DualCells));
+    assert_eq!(nodal.nodes, dual.nodes);
+    for (a, b) in nodal.normals.iter().flatten().zip(dual.normals.iter().flatten()) {
+        assert!((a - b).abs() < 1e-15, "{:?} {:?}", nodal.normals, dual.normals);
+    }
+}
+
 /// Condition (1): more patches than displacements to see them.
 #[test]
 fn invisible_multipliers_are_refused() {
@@ -197,6 +235,26 @@ fn invisible_multipliers_are_refused() {
             .contact_with("nowhere", &ground(2), MultiplierSpace::DualCells)
             .is_err()
     );
+}
+
+/// Means of displacements are linear in the free ones only where those of the supports on a patch vanish.
+#[test]
+fn patches_next_to_supports_that_move_are_refused() {
+    for (moved, fits) in [(0.0, true), (0.1, false)] {
+        let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2]).unwrap();
+        let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap())
+            .fix_component("left", 0)
+            .prescribe("left", 1, move |_| moved)
+            .assemble()
+            .unwrap();
+        for multipliers in [MultiplierSpace::DualCells, MultiplierSpace::Patches { size: 1.0 }] {
+            match system.contact_with("bottom", &ground(2), multipliers) {
+                Ok(_) => assert!(fits),
+                Err(FemError::ContactFixed { direction, .. }) => assert!(!fits && direction == "normal"),
+                Err(e) => panic!("{e}"),
+            }
+        }
+    }
 }
 
 /// A space compared with itself, its displacements in another order: β = 1, and rounding never makes β exceed 1.
