@@ -302,6 +302,34 @@ fn what_does_not_belong_to_supports_is_refused() {
     assert!(system.supports().clone().plus(vec![0.0; 1]).is_err());
 }
 
+/// Forces beside supports that move, in either order, and those of two motions add up.
+#[test]
+fn sums_of_load_cases_keep_their_supports() {
+    let (_, system, _) = sheared_block(2);
+    let (pressed, sheared) = (system.supports(), system.motion("top", 0, |_| 0.03).unwrap());
+    let forces = vec![0.25; system.num_free()];
+    let with = |case: LoadCase, other: &LoadCase| case.plus(other).unwrap();
+    let sums = [
+        with(pressed.clone(), &forces.clone().into()),
+        with(forces.clone().into(), pressed),
+    ];
+    assert_eq!(sums[0], sums[1]);
+    assert_eq!(sums[0].displacements(), pressed.displacements());
+    let both = with(pressed.clone(), &sheared);
+    let terms = pressed.displacements().iter().zip(sheared.displacements());
+    assert!(
+        both.displacements()
+            .iter()
+            .eq(terms.map(|(a, b)| a + b).collect::<Vec<_>>().iter())
+    );
+    let terms = pressed.forces().iter().zip(sheared.forces());
+    assert!(
+        both.forces()
+            .iter()
+            .eq(terms.map(|(a, b)| a + b).collect::<Vec<_>>().iter())
+    );
+}
+
 /// A coefficient of friction that varies within slips far below those of the problem, on which Newton's method cycles: the observer is
 /// called within each attempt (80 000 evaluations of the coefficient, at most 2 500 between two calls), and not again once it stops.
 #[test]
