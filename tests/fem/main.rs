@@ -1,11 +1,16 @@
 //! Finite elements: patch tests, observed orders, rigid motions, refinement, bad input, plasticity.
 
+mod integrals;
 mod plastic;
+#[path = "../common/random.rs"]
+mod random;
 
+use random::Random;
 use semismooth::fem::{
     CellKind, Elasticity, FemError, Foundation, Material, Mesh, MultiplierSpace, PlaneModel, parse_getfem,
 };
-use semismooth::linear::{Cholesky, LinearSolver};
+use semismooth::linear::{Cholesky, DenseLu, LinearSolver};
+use semismooth::sparse::Matrix;
 
 fn solve(system: &semismooth::fem::ElasticSystem, load: &[f64]) -> Vec<f64> {
     let mut solver = Cholesky::default();
@@ -234,6 +239,118 @@ fn materials_by_group() {
         .unwrap();
     let u = solve(&system, &system.traction("right", |_| [1.0, 0.0, 0.0]).unwrap());
     assert!((u[2 * 4] - (1.0 / 2.0 + 1.0 / 0.5)).abs() < 1e-13);
+}
+
+/// Where groups of cells overlap, the material given last holds: springs in series of stiffness 2, 1/2 and 4.
+#[test]
+fn of_materials_of_one_cell_the_last_one_holds() {
+    let mut mesh = Mesh::rectangle([0.0, 0.0], [3.0, 1.0], [3, 1]).unwrap();
+    assert_eq!(mesh.mark_cells("right half", |c| c[0] > 1.0), 2);
+    assert_eq!(mesh.mark_cells("end", |c| c[0] > 2.0), 1);
+    let material = |young: f64| Material::isotropic(young, 0.0).unwrap();
+    let system = Elasticity::new(mesh, material(2.0))
+        .with_material("right half", material(0.5))
+        .with_material("end", material(4.0))
+        .fix_component("left", 0)
+        .fix_component("bottom", 1)
+        .assemble()
+        .unwrap();
+    let u = solve(&system, &system.traction("right", |_| [1.0, 0.0, 0.0]).unwrap());
+    assert!((u[2 * 3] - (1.0 / 2.0 + 1.0 / 0.5 + 1.0 / 4.0)).abs() < 1e-13);
+}
+
+/// In plane stress a plate of any material has the strains of a body without forces on its faces: those of the compliance in space for the
+/// stresses (σ₁₁, σ₂₂, 0, σ₁₂, 0, 0), whose other strains are free.
+#[test]
+fn plates_in_plane_stress_are_free_of_forces_on_their_faces() {
+    const PLACES: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2], [0, 2]];
+    let mut c = Material::isotropic(3.0, 0.3).unwrap().components();
+    let bump = [[0.3, 0.25, -0.4], [0.25, 0.1, 0.35], [-0.4, 0.35, -0.2]];
+    for k in 0..81 {
+        let [i, j, k, l] = [k / 27, k / 9 % 3, k / 3 % 3, k % 3];
+        c[i][j][k][l] += bump[i][j] * bump[k][l];
+    }
+    let gradient = [[0.3, -0.2], [0.15, 0.4]];
+    let mut body = Elasticity::new(meshes().swap_remove(0), Material::tensor(&c).unwrap())
+        .with_plane_model(PlaneModel::Stress);
+    for (d, row) in gradient.into_iter().enumerate() {
+        body = body.prescribe("all", d, move |x| row[0] * x[0] + row[1] * x[1]);
+    }
+    let system = body.assemble().unwrap();
+    let mut free = system.supports().forces().to_vec();
+    let mut solver = Cholesky::default();
+    solver.analyze(system.stiffness().pattern().as_ref()).unwrap();
+    solver.factor(system.stiffness().as_ref()).unwrap();
+    solver.solve_in_place(&mut free).unwrap();
+    let rows = PLACES.map(|[i, j]| PLACES.map(|[k, l]| c[i][j][k][l]));
+    let stiffness = Matrix::from_rows(&rows).unwrap();
+    let mut compliance = DenseLu::new();
+    compliance.analyze(stiffness.pattern().as_ref()).unwrap();
+    compliance.factor(stiffness.as_ref()).unwrap();
+    for mut strain in system.stresses(&free, system.supports().displacements()).unwrap() {
+        assert_eq!([strain[2], strain[4], strain[5]], [0.0; 3]);
+        compliance.solve_in_place(&mut strain).unwrap();
+        let shear = gradient[0][1] + gradient[1][0];
+        for (k, expected) in [(0, gradient[0][0]), (1, gradient[1][1]), (3, shear)] {
+            assert!((strain[k] - expected).abs() < 1e-13, "{strain:?}");
+        }
+    }
+}
+
+/// σ = Σ over five symmetric b of b (b : ε), each with a common sixth component beside its own one: some strain costs no energy, which
+/// rounding does not hide.
+#[test]
+fn tensors_with_a_strain_without_energy_are_refused() {
+    let mut random = Random::new(8);
+    for _ in 0..40 {
+        let mut c = [[[[0.0; 3]; 3]; 3]; 3];
+        for [i, j] in [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2]] {
+            let mut b = [[0.0; 3]; 3];
+            let (own, common) = (random.between(0.5, 1.5), random.between(0.5, 1.5));
+            (b[i][j], b[j][i]) = (own, own);
+            (b[0][2], b[2][0]) = (common, common);
+            for k in 0..81 {
+                let [i, j, k, l] = [k / 27, k / 9 % 3, k / 3 % 3, k % 3];
+                c[i][j][k][l] += b[i][j] * b[k][l];
+            }
+        }
+        let found = Material::tensor(&c);
+        assert!(
+            matches!(found, Err(FemError::TensorDefinite { pivot: 5, .. })),
+            "{found:?}"
+        );
+    }
+}
+
+/// Tetrahedra refined four times, those inside cut along the shortest diagonal, keep their shape: an edge is at most this many times as long
+/// as the cube root of the volume.
+#[test]
+fn refined_tetrahedra_do_not_degenerate() {
+    let slender = |mesh: &Mesh| -> f64 {
+        let of_cell = |cell: usize| {
+            let [p, q, r, s] = [0, 1, 2, 3].map(|k| mesh.points()[mesh.cell(cell)[k]]);
+            let from = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|d| b[d] - a[d]);
+            let [u, v, w] = [from(p, q), from(p, r), from(p, s)];
+            let volume = (0..3)
+                .map(|d| u[d] * (v[(d + 1) % 3] * w[(d + 2) % 3] - v[(d + 2) % 3] * w[(d + 1) % 3]))
+                .sum::<f64>()
+                / 6.0;
+            let edges = [u, v, w, from(q, r), from(q, s), from(r, s)];
+            let longest = edges.iter().map(|e| e.iter().map(|v| v * v).sum::<f64>().sqrt());
+            longest.fold(0.0, f64::max) / volume.cbrt()
+        };
+        (0..mesh.num_cells()).map(of_cell).fold(0.0, f64::max)
+    };
+    let mut mesh = Mesh::block([0.0; 3], [1.0; 3], [1; 3])
+        .unwrap()
+        .simplices()
+        .unwrap();
+    let first = slender(&mesh);
+    for level in 1..5 {
+        mesh = mesh.refined().unwrap();
+        let found = slender(&mesh);
+        assert!(found <= first * (1.0 + 1e-12), "{level}: {found} {first}");
+    }
 }
 
 /// Refinement keeps volumes, groups and boundaries, and gives the energy of nested spaces: displacement under a load grows.
