@@ -117,6 +117,59 @@ fn works_where_the_square_part_is_singular() {
     }
 }
 
+/// Rows orthogonal to a given kernel, one of whose components is small: where a hint asks for that coordinate, solutions do not lose the
+/// digits of its reciprocal. The last row is met to the rounding of its own terms.
+#[test]
+fn small_components_of_the_kernel_cost_no_digits() {
+    let n = 5;
+    for small in [1e-3, 2e-4, 1e-6, 1e-8, 1e-10] {
+        let kernel = [small, 0.4, -0.7, 0.3, 0.9, -0.6];
+        let square: f64 = kernel.iter().map(|v| v * v).sum();
+        let rows: Vec<Vec<f64>> = (0..n)
+            .map(|i| {
+                let row: Vec<f64> = (0..=n)
+                    .map(|j| ((7 * i * i + 3 * j * j + 5 * i * j + 1) as f64).sin())
+                    .collect();
+                let along: f64 = row.iter().zip(&kernel).map(|(r, k)| r * k).sum();
+                row.iter()
+                    .zip(&kernel)
+                    .map(|(r, k)| r - along / square * k)
+                    .collect()
+            })
+            .collect();
+        let h = Matrix::from_rows(&rows).unwrap();
+        let (t, hint) = ([0.3, 0.2, -0.5, 0.1, 0.8, 0.4], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        check(&h, &t, Some(&hint));
+        let mut b = Bordered::new(h.pattern(), AutoSolver::new()).unwrap();
+        b.factor(&h, Some(&hint)).unwrap();
+        let mut x = [0.0; 6];
+        let r: Vec<f64> = (0..n).map(|i| (i as f64).cos()).collect();
+        b.solve(&r, &t, 0.7, &mut x).unwrap();
+        let (mut rest, mut size) = (-0.7, 0.7);
+        for (t, x) in t.iter().zip(&x) {
+            rest += t * x;
+            size += (t * x).abs();
+        }
+        assert!(f64::abs(rest) <= 8.0 * f64::EPSILON * size, "{small:e}: {rest:e}");
+    }
+}
+
+/// y₁² + α and y₁ + 2 y₂ + α/2 at y₁ = 0 with y in any unit: the kernel is (−2, 1, 0), and no other vector.
+#[test]
+fn units_of_unknowns_do_not_enlarge_the_kernel() {
+    for unit in [1.0, 1e-20, 1e20] {
+        let h = Matrix::from_rows(&[[0.0, 0.0, 1.0], [unit, 2.0 * unit, 0.5]]).unwrap();
+        let mut b = Bordered::new(h.pattern(), AutoSolver::new()).unwrap();
+        b.factor(&h, None).unwrap();
+        let [x, y, z] = b.tangent() else { panic!() };
+        assert!(
+            (x + 2.0 * y).abs() < 1e-15 && z.abs() < 1e-15,
+            "{unit:e}: {x} {y} {z}"
+        );
+        assert_eq!(b.det_sign(), Some(0));
+    }
+}
+
 #[test]
 fn a_kernel_too_large_is_named() {
     let h = Matrix::from_rows(&[[1.0, 2.0, 3.0], [2.0, 4.0, 6.0]]).unwrap();

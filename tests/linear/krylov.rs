@@ -277,6 +277,22 @@ fn reported_residuals_are_those_of_x() {
     }
 }
 
+/// Blocks [0 a; b 0] with the zeros stored: pivots that vanish are replaced by small ones, and nothing is left out of the factors, which are
+/// those of a matrix close to the given one.
+#[test]
+fn incomplete_factors_replace_pivots_that_vanish() {
+    let off = [2.0, -1.0, 0.5, 3.0, -4.0, -0.25];
+    let entries: Vec<_> = (0..6).flat_map(|i| [(i, i, 0.0), (i, i ^ 1, off[i])]).collect();
+    let a = Matrix::from_triplets(6, 6, &entries).unwrap();
+    let b = [1.0, -2.0, 3.0, 0.5, 0.25, -1.0];
+    let (mut near, mut y) = (IncompleteLu::default(), b);
+    near.prepare(a.as_ref()).unwrap();
+    near.apply(&mut y).unwrap();
+    for i in 0..6 {
+        assert!((off[i] * y[i ^ 1] - b[i]).abs() < 1e-6, "{y:?}");
+    }
+}
+
 /// Finite for this number of products.
 struct Breaking(usize);
 
