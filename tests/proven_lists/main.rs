@@ -512,6 +512,12 @@ fn stated_bounds_hold() {
     ] {
         problems.push(friction(blocks(2), f.to_vec(), vec![0.5; 2]));
     }
+    // A spring that no contact force reaches: |u₃| = 1/3.
+    let a = Matrix::from_rows(&[[3.0, 1.0, 0.0], [1.0, 3.0, 0.0], [0.0, 0.0, 3.0]]).unwrap();
+    let [normal, tangential] = [0, 1].map(|j| Matrix::from_triplets(1, 3, &[(0, j, 1.0)]).unwrap());
+    let load = LoadPath::constant(vec![1.0, -2.25, -1.0]);
+    let friction = FrictionCoefficient::nodal(vec![0.5]).unwrap();
+    problems.push(FullContact::planar(a, normal, tangential, load, friction).unwrap());
     for problem in &problems {
         let condensed = problem.condensed().unwrap();
         for map in [problem as &dyn PiecewiseSmooth, &condensed] {
