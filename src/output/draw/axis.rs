@@ -145,6 +145,15 @@ mod tests {
         assert_eq!(labels((-0.5, 0.5), true), ["0.5", "1", "2"]);
     }
 
+    /// k + 0.3 − k, whose rounding depends on k, in three steps.
+    #[test]
+    fn steps_do_not_depend_on_the_rounding_of_differences() {
+        for k in 0..200 {
+            let k = f64::from(k);
+            assert!((nice_step(k + 0.3 - k, 3.0) - 0.1).abs() < 1e-15, "{k}");
+        }
+    }
+
     #[test]
     fn every_range_has_ticks() {
         for k in -90..90 {

@@ -101,6 +101,8 @@ mod tests {
         assert_eq!(padded_range(std::iter::empty()), None);
         assert_eq!(padded_range([0.0].into_iter()), Some((-1.0, 1.0)));
         assert_eq!(padded_range([2.0, 2.0].into_iter()), Some((1.0, 3.0)));
+        // Pixels are shares of the range, which must not underflow.
+        assert_eq!(padded_range([0.0, 1e-320].into_iter()), Some((-1.0, 1.0)));
         let (a, b) = padded_range([1.0, 1.0 + 1e-15].into_iter()).unwrap();
         assert!(b - a > 0.5);
         let (a, b) = padded_range([-LARGEST, LARGEST].into_iter()).unwrap();
