@@ -13,7 +13,7 @@ use crate::sparse::{distance, norm as norm2};
 /// Full steps in a row that may fail to lower the least residual by a tenth.
 const PATIENCE: usize = 5;
 
-/// Share of its terms below which a residual may be rounding.
+/// Share of its terms below which a residual may be rounding; beyond it, one that changes with the last digits of x is at a steep kink.
 const JUMP: f64 = 1e-6;
 
 /// Inexact semismooth Newton method for [`MatrixFree`] maps: steps with ‖H + G d‖₂ ≤ η ‖H‖₂ by a Krylov method, with forcing terms η of
@@ -214,7 +214,7 @@ impl Run<'_> {
                     norm = self.evaluate(x);
                     continue;
                 }
-                Err(_) if self.is_rounding(x, norm) => {
+                Err(_) if norm <= JUMP * scale && self.is_rounding(x, norm) => {
                     return Ok(self.end(index, norm, Ok(Convergence::Rounding)));
                 }
                 Err(reason) => return Ok(self.end(index, norm, Err(reason))),

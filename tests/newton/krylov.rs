@@ -436,3 +436,40 @@ fn sizes_near_the_ends_of_the_range_of_numbers_end_at_solutions() {
     let failed = NewtonKrylov::default().solve(&mut Uniform(1e-150, 1e200), &mut x);
     assert!(failed.is_err() && x == [1.0, -2.0, 0.0]);
 }
+
+/// 1 + 10¹⁷ (x − 1)₊ with its slope.
+struct Steep(f64);
+
+impl LinearOperator for Steep {
+    fn order(&self) -> usize {
+        1
+    }
+    fn product(&mut self, x: &[f64], y: &mut [f64]) {
+        y[0] = self.0 * x[0];
+    }
+}
+
+impl MatrixFree for Steep {
+    fn residual(&mut self, x: &[f64], out: &mut [f64]) {
+        out[0] = 1.0 + 1e17 * (x[0] - 1.0).max(0.0);
+    }
+    fn linearize(&mut self, x: &[f64]) -> Result<(), LinearError> {
+        self.0 = if x[0] > 1.0 { 1e17 } else { 0.0 };
+        Ok(())
+    }
+}
+
+/// H ≥ 1 has no zero. At the kink it changes by more than itself with the last digit of x, but no terms cancel there.
+#[test]
+fn steep_kinks_are_no_solutions() {
+    for start in [1.0, 0.5, 1.0 - f64::EPSILON] {
+        for damping in [Damping::OnTrouble, Damping::Always, Damping::Never] {
+            let options = NewtonKrylovOptions::default().with_damping(damping);
+            let found = NewtonKrylov::new(options).solve(&mut Steep(0.0), &mut [start]);
+            assert!(
+                matches!(found, Err(NewtonError::Failed(_))),
+                "{start} {damping:?}: {found:?}"
+            );
+        }
+    }
+}
