@@ -650,3 +650,26 @@ fn one_path_solves_a_large_affine_problem() {
     );
     assert!(path.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-9));
 }
+
+/// F₁ = −x₁ − 8 for x₁ ≤ −1, and x₂ fixed by two dependent constraints, so that multipliers are not unique: two solutions, whose first
+/// components differ by any part of the second one, as units may.
+#[test]
+fn solutions_that_differ_in_a_component_in_small_units_are_two() {
+    for exponent in [0, 20, 40, 60] {
+        let small = f64::from(-exponent).exp2();
+        let f = AffineFunction::new(
+            matrix(&[vec![-1.0, 0.0], vec![0.0, 0.0]], 2),
+            vec![-8.0 * small, 0.0],
+        )
+        .unwrap();
+        let set = Polyhedron::boxed(vec![-INF, -INF], vec![INF, 2.0])
+            .and_then(|set| set.with_inequalities(matrix(&[vec![1.0, 0.0]], 2), vec![-small]))
+            .and_then(|set| set.with_equations(matrix(&[vec![0.0, 1.0]], 2), vec![2.0]));
+        let vi = Vi::new(f, set.unwrap()).unwrap();
+        let all = vi.all_solutions(&EnumerationOptions::default()).unwrap();
+        assert_eq!(all.completeness, Completeness::Complete);
+        let mut first: Vec<f64> = all.solutions.iter().map(|x| x[0] / small).collect();
+        first.sort_by(f64::total_cmp);
+        assert_eq!(first, [-8.0, -1.0], "2^-{exponent}: {all:?}");
+    }
+}

@@ -7,7 +7,7 @@ use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, max_abs};
 use num_traits::Zero;
 
-/// Two x that differ by less than this part of x count as one, if the multipliers of both are not unique.
+/// Two x that differ by less than this part of each component count as one, if the multipliers of both are not unique.
 const SAME: f64 = 1e-9;
 /// Part of the least length among the data below which x counts as rounding error.
 const ROUNDING: f64 = 1e-15;
@@ -25,7 +25,7 @@ pub struct ViSolutions {
     /// Continua along which x changes, in the variables (x, λ, μ).
     pub continua: Vec<Continuum>,
     /// Whether all selections of the Karush–Kuhn–Tucker conditions were examined, and with what certainty. One decision is made in
-    /// floating-point numbers: two x whose multipliers are not unique count as one if they differ by at most 1e-9 of the larger.
+    /// floating-point numbers: two x whose multipliers are not unique count as one if no component differs by more than 1e-9 of the larger.
     pub completeness: Completeness,
 }
 
@@ -248,10 +248,10 @@ impl Polyhedron {
 impl ViSolutions {
     /// Adds x, whose multipliers are not unique, unless it is listed already.
     fn insert(&mut self, x: &[f64], scale: f64) {
-        let same = |y: &Vec<f64>| {
-            let apart: Vec<f64> = y.iter().zip(x).map(|(a, b)| a - b).collect();
-            max_abs(&apart) <= (SAME * max_abs(x).max(max_abs(y))).max(ROUNDING * scale)
-        };
+        // Components may have different units.
+        let near =
+            |(a, b): (&f64, &f64)| (a - b).abs() <= (SAME * a.abs().max(b.abs())).max(ROUNDING * scale);
+        let same = |y: &Vec<f64>| y.iter().zip(x).all(near);
         if !self.solutions.iter().any(same) {
             self.solutions.push(x.to_vec());
         }
