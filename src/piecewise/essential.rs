@@ -69,10 +69,13 @@ fn essential_activity_of(
 
 /// Is there a d with g·d > 0 for all unit vectors g? The point w of their convex hull nearest to 0 decides: either d = w is one, or
 /// w = 0 and there is none. Pairwise Frank–Wolfe steps move weight from the worst g to the best one; they
-/// converge linearly, also where 0 lies in a face (Lacoste-Julien and Jaggi 2015).
+/// converge linearly, also where 0 lies in a face (Lacoste-Julien and Jaggi 2015). ‖w‖ is the width of the cone of these d: only where it
+/// is within the rounding of the unit vectors there is none.
 pub(crate) fn open_cone(normals: &[Vec<f64>], max_steps: usize) -> Activity {
-    const ZERO: f64 = 1e-12;
+    /// Width from which on d = w is certain, and below which w is summed anew.
+    const CLEAR: f64 = 1e-12;
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let zero = 4.0 * f64::EPSILON * normals.len() as f64;
     let Some(first) = normals.first() else {
         return Activity::Essential;
     };
@@ -91,10 +94,10 @@ pub(crate) fn open_cone(normals: &[Vec<f64>], max_steps: usize) -> Activity {
                 (away, highest) = (k, slack);
             }
         }
-        if lowest > 1e-12 {
+        if lowest > CLEAR {
             return Activity::Essential;
         }
-        if dot(&w, &w) < ZERO * ZERO {
+        if dot(&w, &w) <= zero * zero {
             return Activity::Inessential;
         }
         let (g, h) = (&normals[toward], &normals[away]);
@@ -107,6 +110,13 @@ pub(crate) fn open_cone(normals: &[Vec<f64>], max_steps: usize) -> Activity {
         weights[away] -= step;
         for ((w, g), h) in w.iter_mut().zip(g).zip(h) {
             *w += step * (g - h);
+        }
+        if dot(&w, &w) < CLEAR * CLEAR {
+            // Without the rounding errors of all steps.
+            w.fill(0.0);
+            for (g, weight) in normals.iter().zip(&weights) {
+                w.iter_mut().zip(g).for_each(|(w, g)| *w += weight * g);
+            }
         }
     }
     Activity::Undecided

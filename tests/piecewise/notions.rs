@@ -7,7 +7,7 @@ use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::piecewise::{
     Activity, BElement, CertificateDoubt, CoherentOrientation, MinMap, PiecewiseError, PiecewiseSmooth,
     Regularity, RegularityOptions, Selection, active_set, b_subdifferential, bd_regularity, cd_regularity,
-    clarke_element, coherent_orientation, local_index, select,
+    clarke_element, coherent_orientation, local_index, local_uniqueness, select,
 };
 use semismooth::sparse::Matrix;
 
@@ -694,4 +694,31 @@ fn verdicts_on_solutions_are_printed_in_words() {
         "BD-regular: no, a selection is singular; CD-regular: no, a selection is singular; \
          coherently oriented: no, a selection is singular;"
     ));
+}
+
+/// min(x, M x) with M = k (−1, 1; 1, −1): all x with x₁ = x₂ ≥ 0 are zeros, and determinants have both signs, whatever the unit k of M is.
+/// The cells of two selections are as narrow as 1/k: where that is near rounding nothing is claimed.
+#[test]
+fn narrow_cells_are_not_overlooked() {
+    for k in [1.0, 1e6, 1e9, 1e11, 1e12, 1e13, 1e14] {
+        let map = Min(vec![vec![-k, k], vec![k, -k]]);
+        let x = [0.0; 2];
+        let active = active_set(&map, &x, 0.0);
+        let found = local_uniqueness(&map, &x, &active, &Matrix::identity(2), CAP).unwrap();
+        assert!(!found.is_certified(), "{k:e}: {found}");
+        let orientation = coherent_orientation(&map, &x, 0.0, CAP).unwrap();
+        assert!(
+            !matches!(orientation, CoherentOrientation::Coherent { .. }),
+            "{k:e}: {orientation}"
+        );
+        for verdict in [
+            bd_regularity(&map, &x, 0.0, CAP),
+            cd_regularity(&map, &x, 0.0, CAP),
+        ] {
+            let verdict = verdict.unwrap();
+            assert!(!verdict.is_regular(), "{k:e}: {verdict}");
+        }
+        // All four selections are listed.
+        assert_eq!(elements(&map, &x).len(), 4, "{k:e}");
+    }
 }
