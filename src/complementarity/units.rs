@@ -65,15 +65,10 @@ fn find_units(function: &dyn McpFunction, pattern: &Pattern, lower: &[f64], uppe
         let to = if j < n { &mut rows } else { &mut rates };
         to[i] = to[i].max(v.abs());
     }
-    let factors: Vec<f64> = rows
-        .iter()
-        .map(|row| if row.is_normal() { row.recip() } else { 1.0 })
-        .collect();
+    let mut factors: Vec<f64> = rows.iter().map(|row| reciprocal(*row)).collect();
     let shift = |v: &[f64]| {
-        factors
-            .iter()
-            .zip(v)
-            .fold(0.0_f64, |a, (f, v)| a.max(f * v.abs()))
+        let seen = factors.iter().zip(v).zip(&rows).filter(|e| *e.1 > 0.0);
+        seen.fold(0.0_f64, |a, ((f, v), _)| a.max(f * v.abs()))
     };
     let bound = lower
         .iter()
@@ -84,15 +79,22 @@ fn find_units(function: &dyn McpFunction, pattern: &Pattern, lower: &[f64], uppe
     if size.is_normal() {
         found.size = size;
     }
+    // Values of F that do not depend on x: what they change by over a unit of the parameter, or what they are, becomes that size.
+    for (i, factor) in factors.iter_mut().enumerate().filter(|e| rows[e.0] == 0.0) {
+        let own = if rates[i] > 0.0 { rates[i] } else { offset[i].abs() };
+        if own.is_normal() && (found.size / own).is_normal() {
+            *factor = found.size / own;
+        }
+    }
     found.factors = far_from_one(&factors);
     found
 }
 
-/// For each component of a nonlinear F, the reciprocal of its largest slope at the points within the bounds nearest to 0 and 1; 1 where F
-/// has no finite derivatives there.
+/// For each component of a nonlinear F, the reciprocal of its largest slope at the points within the bounds nearest to 0 and 1, that by the
+/// parameter where it does not depend on x; 1 where F has no finite derivatives there.
 fn slopes(function: &dyn McpFunction, pattern: &Pattern, lower: &[f64], upper: &[f64]) -> Vec<f64> {
     let (n, m) = (lower.len(), function.num_vars());
-    let mut rows = vec![0.0_f64; n];
+    let (mut rows, mut rates) = (vec![0.0_f64; n], vec![0.0_f64; n]);
     let mut jac = Matrix::zeros(pattern.clone());
     for reference in [0.0_f64, 1.0] {
         let mut x = vec![reference; m];
@@ -101,13 +103,18 @@ fn slopes(function: &dyn McpFunction, pattern: &Pattern, lower: &[f64], upper: &
         }
         jac.clear();
         function.jacobian(&x, &mut jac);
-        for (i, _, v) in jac.triplets().filter(|(_, j, v)| *j < n && v.is_finite()) {
-            rows[i] = rows[i].max(v.abs());
+        for (i, j, v) in jac.triplets().filter(|e| e.2.is_finite()) {
+            let to = if j < n { &mut rows } else { &mut rates };
+            to[i] = to[i].max(v.abs());
         }
     }
-    rows.iter()
-        .map(|row| if row.is_normal() { row.recip() } else { 1.0 })
+    let both = rows.iter().zip(&rates);
+    both.map(|(row, rate)| reciprocal(if *row > 0.0 { *row } else { *rate }))
         .collect()
+}
+
+fn reciprocal(size: f64) -> f64 {
+    if size.is_normal() { size.recip() } else { 1.0 }
 }
 
 /// The factors as powers of two; none where all are near 1.

@@ -5,9 +5,11 @@ use std::ops::ControlFlow;
 
 use crate::common::{Case, cases};
 use crate::maps::two_pieces;
+use semismooth::complementarity::{AffineFunction, Mcp};
 use semismooth::continuation::{
     ContinuationError, ContinuationOptions, Diagram, DiagramCompleteness, DiagramOptions, Limit, VertexKind,
 };
+use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
@@ -413,6 +415,138 @@ fn the_ends_of_an_edge_have_their_own_signs() {
         assert_eq!(edge.smooth_folds.len(), 1);
         for point in [&edge.points[0], &edge.points[edge.points.len() - 1]] {
             assert_eq!(point.det_sign, Some(point.x[0].signum() as i8), "{:?}", point.x);
+        }
+    }
+}
+
+type Rows = &'static [&'static [f64]];
+/// M with the column of the parameter, q, lower and upper bounds, α of the sections, the range of α.
+type Affine = (Rows, &'static [f64], &'static [f64], &'static [f64], f64, f64);
+
+fn sections((rows, q, lower, upper, alpha, reach): &Affine) -> (Mcp<AffineFunction>, Diagram) {
+    let matrix = Matrix::from_rows(rows).unwrap();
+    let map = Mcp::affine(matrix, q.to_vec(), lower.to_vec(), upper.to_vec()).unwrap();
+    let options = DiagramOptions::default().with_parameter_range((-reach, *reach));
+    let diagram =
+        Diagram::explore_sections(&map, &[*alpha], &options, &EnumerationOptions::default()).unwrap();
+    assert!(diagram.completeness().is_complete(), "{diagram}");
+    (map, diagram)
+}
+
+/// Facets that are met within rounding of each other are one vertex, whose kind is that of all its arms.
+#[test]
+fn kinds_are_those_of_the_arms() {
+    const INF: f64 = f64::INFINITY;
+    let problems: [Affine; 3] = [
+        (
+            &[
+                &[-1.0, 0.0, -2.0, 2.0],
+                &[-1.0, 3.0, 3.0, 2.0],
+                &[1.0, 1.0, 1.0, 3.0],
+            ],
+            &[2.0, -3.0, -2.0],
+            &[0.0; 3],
+            &[1.0, INF, 1.0],
+            -0.2890625,
+            6.0,
+        ),
+        (
+            &[
+                &[-0.0625, -0.0625, -0.125, 0.0],
+                &[
+                    5.7220458984375e-6,
+                    3.814697265625e-6,
+                    5.7220458984375e-6,
+                    -3.814697265625e-6,
+                ],
+                &[12.0, 4.0, -4.0, 4.0],
+            ],
+            &[0.1875, 3.814697265625e-6, 4.0],
+            &[0.0, -1.0, 0.0],
+            &[INF, 1.0, INF],
+            -0.2265625,
+            6.0,
+        ),
+        (
+            &[
+                &[3.0, 0.0, 1.0, 2.0],
+                &[3.0, -2.0, 1.0, 2.0],
+                &[1.0, 0.0, 0.0, -1.0],
+            ],
+            &[-2.0, -1.0, 0.0],
+            &[0.0; 3],
+            &[3.0, 1.0, 2.0],
+            -1.7890625,
+            6.0,
+        ),
+    ];
+    for problem in &problems {
+        let (_, diagram) = sections(problem);
+        for vertex in diagram.vertices() {
+            let rates: Vec<f64> = vertex.arms.iter().map(|a| a.arm.tangent[3]).collect();
+            let [a, b] = rates[..] else { continue };
+            if a.abs().min(b.abs()) > 1e-3 && !matches!(vertex.kind, VertexKind::Start | VertexKind::Bound) {
+                let turns = a * b > 0.0;
+                assert_eq!(vertex.kind == VertexKind::Fold, turns, "{rates:?}\n{diagram}");
+            }
+        }
+    }
+}
+
+/// Values of F that do not depend on x, in units far from those of the others: the solutions of the whole diagram are those at each α.
+#[test]
+fn units_of_constant_components_do_not_matter() {
+    const INF: f64 = f64::INFINITY;
+    let problems: [Affine; 4] = [
+        (
+            &[&[0.0, 0.0, 0.0], &[-0.03125, -0.03125, 0.03125]],
+            &[100663296.0, 0.03125],
+            &[0.0; 2],
+            &[2.0, 1.0],
+            1.6484375,
+            6.0,
+        ),
+        (
+            &[
+                &[0.0, 0.0, 0.0],
+                &[0.0, -1.4901161193847656e-8, 2.9802322387695313e-8],
+            ],
+            &[805306368.0, 1.4901161193847656e-8],
+            &[0.0, -1.0],
+            &[INF, 1.0],
+            -1.0390625,
+            6.0,
+        ),
+        (
+            &[&[-0.0009765625, 0.0029296875, 0.0029296875], &[0.0, 0.0, 32768.0]],
+            &[0.001953125, 32768.0],
+            &[0.0; 2],
+            &[3.0, INF],
+            3.0859375,
+            6.0,
+        ),
+        (
+            &[&[0.0, 2.3283064365386963e-10]],
+            &[0.0],
+            &[0.0],
+            &[1.5],
+            -3.25,
+            24.0,
+        ),
+    ];
+    for problem in &problems {
+        let (map, diagram) = sections(problem);
+        // At -1/31, … no test function vanishes.
+        for k in -5..=5 {
+            let alpha = problem.5 * (f64::from(k) - 1.0 / 31.0) / 6.0;
+            let here = all_solutions(&map, alpha, &EnumerationOptions::default()).unwrap();
+            assert!(here.completeness.is_complete() && here.continua.is_empty());
+            let found = diagram.solutions_at(&map, alpha).unwrap();
+            assert_eq!(
+                found.count(),
+                Some(here.solutions.len()),
+                "{problem:?} {alpha}\n{diagram}"
+            );
         }
     }
 }

@@ -208,8 +208,9 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             if self.halted {
                 continue;
             }
-            let arm = &self.diagram.vertices[end.vertex].arms[end.arm];
-            if arm.edge.is_some() || arm.outside {
+            // An arm that turned out to be none is no longer there.
+            let arm = self.diagram.vertices[end.vertex].arms.get(end.arm);
+            if arm.is_none_or(|arm| arm.edge.is_some() || arm.outside) {
                 continue;
             }
             if self.leaves_range(end) {
@@ -350,11 +351,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         let known = self.diagram.vertex_near(meeting.x);
         // Facets that vanish within rounding of each other are met one after the other: one vertex.
         if known == Some(arc.from.vertex) && point.arclength <= 4.0 * self.options.same_point * size {
-            let from = &mut self.diagram.vertices[arc.from.vertex].arms[arc.from.arm];
-            let onward = meeting.others.get(meeting.followed?)?;
-            from.arm = onward.clone();
-            self.diagram.vertices[arc.from.vertex].complete &= meeting.complete;
-            return Some(arc.from);
+            return self.meet_again(arc.from, &meeting);
         }
         let v = match known {
             Some(v) => v,
@@ -397,6 +394,40 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         }
         let free = self.diagram.vertices[v].arms[end.arm].edge.is_none();
         free.then_some(end)
+    }
+
+    /// Puts the arms that leave a further facet at a vertex in the place of the arm that led to this facet; gives the one on which the
+    /// curve continues.
+    fn meet_again(&mut self, end: EdgeEnd, meeting: &Meeting<'_>) -> Option<EdgeEnd> {
+        let v = end.vertex;
+        let first = meeting.followed.unwrap_or(0);
+        let vertex = &mut self.diagram.vertices[v];
+        match meeting.others.get(first) {
+            Some(onward) => vertex.arms[end.arm].arm = onward.clone(),
+            // No curve leaves along this arm.
+            None if end.arm + 1 == vertex.arms.len() => drop(vertex.arms.pop()),
+            None => vertex.complete = false,
+        }
+        vertex.complete &= meeting.complete;
+        let incomplete = Limit::Arms { vertex: v };
+        if !vertex.complete && !self.diagram.completeness.names(&incomplete) {
+            self.diagram.completeness.add(incomplete);
+        }
+        for (k, other) in meeting.others.iter().enumerate() {
+            let arm = if k == first {
+                end.arm
+            } else {
+                self.slot(v, other, false)
+            };
+            if Some(k) != meeting.followed {
+                self.pending.push_back(EdgeEnd { vertex: v, arm });
+            }
+        }
+        let vertex = &mut self.diagram.vertices[v];
+        if vertex.kind != VertexKind::BranchPoint {
+            vertex.kind = meeting.kind.unwrap_or_else(|| kind_of_slots(&vertex.arms));
+        }
+        meeting.followed.map(|_| end)
     }
 
     /// The arm of a vertex nearest to `arm`, added if there is none.

@@ -272,6 +272,10 @@ impl DiagramCompleteness {
         matches!(self, Self::WithinBounds)
     }
 
+    pub(super) fn names(&self, limit: &Limit) -> bool {
+        matches!(self, Self::Limited(list) if list.contains(limit))
+    }
+
     pub(super) fn add(&mut self, limit: Limit) {
         match self {
             Self::WithinBounds => *self = Self::Limited(vec![limit]),
