@@ -75,6 +75,46 @@ pub struct Objective {
     pub linear: Linear,
 }
 
+impl Model {
+    /// Rows with kinks or jumps that x violates by more than `tolerance` times the values of their operations, and by how much. Slopes,
+    /// which may be far larger than these values, say nothing about what is on the other side of a kink.
+    #[must_use]
+    pub fn violated(&self, x: &[f64], tolerance: f64) -> Vec<(usize, f64)> {
+        let mut values = self.graph.workspace();
+        self.graph.set_variables(x, &mut values);
+        let bodies: Vec<f64> = (self.rows.iter())
+            .map(|row| row.body(&self.graph, &mut values))
+            .collect();
+        let all = self.graph.kinks_and_sizes(&values);
+        let rows = self.rows.iter().zip(bodies).enumerate();
+        rows.filter_map(|(index, (row, body))| {
+            let (kinks, mut size) = all[row.expression.as_ref()?.root as usize];
+            let violation = match row.kind {
+                RowKind::Range { lower, upper } => {
+                    size += [lower, upper]
+                        .into_iter()
+                        .filter(|b| b.is_finite())
+                        .map(f64::abs)
+                        .sum::<f64>();
+                    (lower - body).max(body - upper)
+                }
+                RowKind::Complements { variable: j, .. } => {
+                    let (x, lower, upper) = (x[j], self.lower[j], self.upper[j]);
+                    let rests = (x == lower && body >= 0.0) || (x == upper && body <= 0.0) || lower == upper;
+                    if rests { 0.0 } else { body.abs() }
+                }
+            };
+            size += row
+                .linear
+                .iter()
+                .map(|&(j, c)| (c * x[j as usize]).abs())
+                .sum::<f64>();
+            (kinks && violation > tolerance * size).then_some((index, violation))
+        })
+        .collect()
+    }
+}
+
 impl RowKind {
     /// The right-hand side of an equation.
     #[must_use]

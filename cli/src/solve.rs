@@ -100,11 +100,7 @@ fn square(
 ) -> Result<Solution, SolveError> {
     let square = Square::new(model)?;
     let mut x = square.restrict(&model.start);
-    let function = if square.is_affine() {
-        Some(affine(&square)?)
-    } else {
-        None
-    };
+    let function = square.is_affine().then(|| affine(&square)).transpose()?.flatten();
     let mut run = |x: &mut [f64], stated: bool, options: &Options| {
         let bounds = square.bounds(stated);
         match &function {
@@ -127,8 +123,10 @@ fn square(
         }
     }
     let (mut code, mut message) = verdict(&report, square.what());
+    let all = square.extend(&x);
     if report.is_solved() {
         (code, message) = doubt.word(code, message);
+        code = confirm(model, &all, options, code, &mut message);
     }
     if let McpStatus::EvaluationFailure { component } = report.status {
         let (_, row) = square.origin(component);
@@ -140,7 +138,7 @@ fn square(
     Ok(Solution {
         message,
         code,
-        x: square.extend(&x),
+        x: all,
         duals: Vec::new(),
         objective: 0,
     })
@@ -160,7 +158,7 @@ fn program(
     let problem = kkt(&nlp, &kinds, lower, upper)?;
     let bounds = (problem.lower().to_vec(), problem.upper().to_vec());
     let quadratic = match nlp.is_quadratic() {
-        true => Some(affine(problem.function())?),
+        true => affine(problem.function())?,
         false => None,
     };
     let report = if let Some(function) = &quadratic {
@@ -188,6 +186,7 @@ fn program(
         });
         if model.graph.has_kinks() {
             message.push_str("\nAt kinks the derivatives are those of one of the pieces.");
+            code = confirm(model, &x[..model.lower.len()], options, code, &mut message);
         }
     } else if let (McpStatus::Infeasible, Some(function)) = (report.status, &quadratic) {
         let text;
@@ -238,14 +237,16 @@ fn nearest(function: &AffineFunction, n: usize) -> Result<AffineFunction, SolveE
     Ok(AffineFunction::new(matrix, q)?)
 }
 
-/// An affine function in the form F = M x + q, which lets the solver use that it is affine.
-fn affine(function: &impl McpFunction) -> Result<AffineFunction, ComplementarityError> {
+/// An affine function in the form F = M x + q, which lets the solver use that it is affine. `None` if a coefficient is not finite: the
+/// general solver then says which component cannot be evaluated.
+fn affine(function: &impl McpFunction) -> Result<Option<AffineFunction>, ComplementarityError> {
     let zero = vec![0.0; function.num_vars()];
     let mut q = zero.clone();
     let mut matrix = Matrix::zeros(function.pattern());
     function.value(&zero, &mut q);
     function.jacobian(&zero, &mut matrix);
-    AffineFunction::new(matrix, q)
+    let finite = q.iter().chain(matrix.values()).all(|v| v.is_finite());
+    finite.then(|| AffineFunction::new(matrix, q)).transpose()
 }
 
 fn run<F: McpFunction>(
@@ -258,6 +259,33 @@ fn run<F: McpFunction>(
     let problem = Mcp::new(function, lower, upper)?;
     let mut solver = McpSolver::new(options.solver.clone());
     solver.solve_observed(&problem, x, observe).cloned()
+}
+
+/// The code, 100 instead of 0 if a row with kinks or jumps holds only relative to its slopes: the message then names it.
+fn confirm(model: &Model, x: &[f64], options: &Options, code: u16, message: &mut String) -> u16 {
+    let tolerance = options.solver.tolerance.max(options.solver.acceptable);
+    let violated = match code {
+        0 => model.violated(x, tolerance),
+        _ => Vec::new(),
+    };
+    let Some(&(row, violation)) = violated.first() else {
+        return code;
+    };
+    message.push_str(&format!(
+        "\nIn doubt: {}, which has kinks or jumps, has the residual {violation:.1e}{}; it is small relative to the slopes, but not to the \
+         values of its operations.",
+        model.names.row(row),
+        more(violated.len() - 1)
+    ));
+    100
+}
+
+/// What a message says about rows that it does not name.
+fn more(rows: usize) -> String {
+    match rows {
+        0 => String::new(),
+        rows => format!(", and {rows} more such rows"),
+    }
 }
 
 /// AMPL's code and the message for a result.
@@ -323,23 +351,19 @@ impl Doubt {
     }
 
     fn word(&self, code: u16, message: String) -> (u16, String) {
-        let others = |more: &usize| match more {
-            0 => String::new(),
-            more => format!(", and {more} more such rows"),
-        };
-        if let Some((variable, row, value, more)) = &self.equation {
+        if let Some((variable, row, value, others)) = &self.equation {
             let text = format!(
                 "Not solved: {variable} rests at a bound, where {row}, an equation, has the residual {value:.1e}{}; no point was \
                  found that satisfies both.",
-                others(more)
+                more(*others)
             );
             return (500, text);
         }
-        if let Some((variable, row, value, more)) = &self.condition {
+        if let Some((variable, row, value, others)) = &self.condition {
             let text = format!(
                 "{message}\nIn doubt: {variable} rests at a bound that {row}, which complements it and has the value {value:.1e}, \
                  does not name{}. The point solves the problem in which all bounds of variables belong to the conditions.",
-                others(more)
+                more(*others)
             );
             return (100, text);
         }

@@ -242,3 +242,40 @@ fn limits_and_proofs_have_their_codes() {
         assert!(sol.ends_with(&format!("objno 0 {code}\n")), "{option}: {sol}");
     }
 }
+
+#[test]
+fn points_where_an_operand_is_undefined_are_no_solutions() {
+    let folder = folder("undefined");
+    let path = folder.join("a.nl");
+    let argument = path.display().to_string();
+    let equation = root().replace("5 1 1", "4 0").replace("b\n2 0", "b\n3");
+    // x + (√(x − 2) < 1) = 0 and x + √(x − 2)⁰ = 0, whose left sides are positive where they are defined; constants that are no numbers.
+    for (body, code) in [
+        ("o0\nv0\no22\no39\no1\nv0\nn2\nn1", 500),
+        ("o0\nv0\no5\no39\no1\nv0\nn2\nn0", 500),
+        ("o0\nv0\no43\nn-1", 503),
+        ("o43\nn-1", 503),
+        ("o2\no43\nn-1\nv0", 503),
+    ] {
+        std::fs::write(&path, equation.replace("o0\no5\nv0\nn2\nn-2", body)).unwrap();
+        let output = semismooth(&[&argument, "-AMPL"], "");
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let sol = std::fs::read_to_string(folder.join("a.sol")).unwrap();
+        assert!(sol.ends_with(&format!("objno 0 {code}\n")), "{body}: {sol}");
+    }
+}
+
+/// x mod (⅓ mod x) + 2 x = ⅚: below x = ⅓ the slope is as large as 1 / (⅓ − x), but the left side is below ⅔ there, and ⅔ at x = ⅓.
+#[test]
+fn a_row_with_jumps_is_not_solved_by_its_slopes() {
+    let folder = folder("jumps");
+    let path = folder.join("a.nl");
+    let argument = path.display().to_string();
+    let text = header([1, 1, 0, 0, 1, 0, 0])
+        + "C0\no4\nv0\no4\nn0.3333333333333333\nv0\nr\n4 0.8333333333333334\nb\n3\nk0\nJ0 1\n0 2\nx1\n0 -0.02\n";
+    std::fs::write(&path, text).unwrap();
+    semismooth(&[&argument, "-AMPL"], "");
+    let sol = std::fs::read_to_string(folder.join("a.sol")).unwrap();
+    assert!(sol.ends_with("objno 0 100\n"), "{sol}");
+    assert!(sol.contains("row 0 (from 0), which has kinks or jumps"), "{sol}");
+}

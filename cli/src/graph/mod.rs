@@ -45,6 +45,17 @@ pub enum Node {
     AllDifferent(u32),
 }
 
+impl Node {
+    fn has_kinks(self) -> bool {
+        match self {
+            Self::Unary(op, _) => op.has_kinks(),
+            Self::Binary(op, ..) => op.has_kinks(),
+            Self::If(..) | Self::Piecewise(..) | Self::AllDifferent(_) => true,
+            _ => false,
+        }
+    }
+}
+
 /// An expression: its own nodes, and the one that holds its value.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Expression {
@@ -217,22 +228,36 @@ impl Graph {
                 Node::AllDifferent(list) => {
                     let mut all: Vec<f64> = self.lists[list as usize].iter().map(|&a| v(a)).collect();
                     all.sort_unstable_by(f64::total_cmp);
-                    f64::from(u8::from(all.windows(2).all(|w| w[0] != w[1])))
+                    match all.iter().any(|x| x.is_nan()) {
+                        true => f64::NAN,
+                        false => f64::from(u8::from(all.windows(2).all(|w| w[0] != w[1]))),
+                    }
                 }
             };
         }
         values[expression.root as usize]
     }
 
-    /// Whether an operation of an expression, or of the defined variables in it, has kinks or jumps.
+    /// Whether an operation of any expression has kinks or jumps.
     #[must_use]
     pub fn has_kinks(&self) -> bool {
-        self.nodes.iter().any(|node| match node {
-            Node::Unary(op, _) => op.has_kinks(),
-            Node::Binary(op, ..) => op.has_kinks(),
-            Node::If(..) | Node::Piecewise(..) | Node::AllDifferent(_) => true,
-            _ => false,
-        })
+        self.nodes.iter().any(|node| node.has_kinks())
+    }
+
+    /// For each node, whether an operation that it depends on has kinks or jumps, and the largest absolute value among it and the nodes
+    /// that it depends on.
+    #[must_use]
+    pub fn kinks_and_sizes(&self, values: &[f64]) -> Vec<(bool, f64)> {
+        let mut all: Vec<(bool, f64)> = Vec::with_capacity(self.nodes.len());
+        for (node, value) in self.nodes.iter().zip(values) {
+            let mut own = (node.has_kinks(), value.abs());
+            for operand in self.operands(*node).into_iter().flatten() {
+                let (kinks, size) = all[operand as usize];
+                own = (own.0 || kinks, own.1.max(size));
+            }
+            all.push(own);
+        }
+        all
     }
 
     /// The operands of a node on which its value depends continuously.

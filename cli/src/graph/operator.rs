@@ -134,8 +134,8 @@ impl Unary {
             Self::Acosh => x.acosh(),
             Self::Atanh => x.atanh(),
             Self::Logistic => 1.0 / (1.0 + (-x).exp()),
-            Self::Not => truth(x == 0.0),
-            Self::Truth => truth(x != 0.0),
+            Self::Not => truth(x == 0.0, [x]),
+            Self::Truth => truth(x != 0.0, [x]),
         }
     }
 
@@ -241,15 +241,17 @@ impl Binary {
             Self::Precision => significant(a, b),
             Self::Round => decimals(a, b, f64::round),
             Self::Truncate => decimals(a, b, f64::trunc),
-            Self::Or => truth(a != 0.0 || b != 0.0),
-            Self::And => truth(a != 0.0 && b != 0.0),
-            Self::Same => truth((a != 0.0) == (b != 0.0)),
-            Self::Below => truth(a < b),
-            Self::AtMost => truth(a <= b),
-            Self::Equal => truth(a == b),
-            Self::AtLeast => truth(a >= b),
-            Self::Above => truth(a > b),
-            Self::Different => truth(a != b),
+            // As in AMPL, the second operand counts only where the first leaves the result open.
+            Self::Or if a != 0.0 => truth(true, [a]),
+            Self::And if a == 0.0 => 0.0,
+            Self::Or | Self::And => truth(b != 0.0, [a, b]),
+            Self::Same => truth((a != 0.0) == (b != 0.0), [a, b]),
+            Self::Below => truth(a < b, [a, b]),
+            Self::AtMost => truth(a <= b, [a, b]),
+            Self::Equal => truth(a == b, [a, b]),
+            Self::AtLeast => truth(a >= b, [a, b]),
+            Self::Above => truth(a > b, [a, b]),
+            Self::Different => truth(a != b, [a, b]),
         }
     }
 
@@ -306,8 +308,8 @@ impl Binary {
                 true => first(1.0, -1.0),
                 false => first(0.0, 0.0),
             },
-            Self::Min => first(truth(a <= b), truth(a > b)),
-            Self::Max => first(truth(a >= b), truth(a < b)),
+            Self::Min => first(truth(a <= b, [a, b]), truth(a > b, [a, b])),
+            Self::Max => first(truth(a >= b, [a, b]), truth(a < b, [a, b])),
             Self::Atan2 => {
                 let r = a * a + b * b;
                 Partials {
@@ -356,18 +358,24 @@ pub fn power_derivatives(a: f64, p: f64) -> (f64, f64) {
     (times(p, p - 1.0), times(p * (p - 1.0), p - 2.0))
 }
 
-/// aᵖ; by integer powers where p is a small integer.
+/// aᵖ; by integer powers where p is a small integer. NaN for NaN, also where p = 0 or a = 1.
 #[must_use]
 pub fn power(a: f64, p: f64) -> f64 {
-    if p == p.trunc() && p.abs() <= 64.0 {
+    if a.is_nan() || p.is_nan() {
+        f64::NAN
+    } else if p == p.trunc() && p.abs() <= 64.0 {
         a.powi(p as i32)
     } else {
         a.powf(p)
     }
 }
 
-fn truth(is: bool) -> f64 {
-    f64::from(u8::from(is))
+/// 1 or 0; NaN if an operand is NaN, since it is undefined then whether the statement holds.
+fn truth<const N: usize>(is: bool, operands: [f64; N]) -> f64 {
+    match operands.iter().any(|x| x.is_nan()) {
+        true => f64::NAN,
+        false => f64::from(u8::from(is)),
+    }
 }
 
 /// max(x, 0), NaN for NaN.
@@ -519,8 +527,50 @@ mod tests {
 
     #[test]
     fn what_is_not_a_number_stays_so() {
-        for op in [Binary::Min, Binary::Max, Binary::Less, Binary::Add] {
+        for op in [
+            Binary::Min,
+            Binary::Max,
+            Binary::Less,
+            Binary::Add,
+            Binary::Power,
+            Binary::SignPower,
+            Binary::Same,
+            Binary::Below,
+            Binary::AtMost,
+            Binary::Equal,
+            Binary::AtLeast,
+            Binary::Above,
+            Binary::Different,
+        ] {
             assert!(op.value(f64::NAN, 1.0).is_nan() && op.value(1.0, f64::NAN).is_nan());
+        }
+        for op in UNARY.into_iter().chain([Unary::Not, Unary::Truth]) {
+            assert!(op.value(f64::NAN).is_nan(), "{op:?}");
+        }
+        assert!(power(f64::NAN, 0.0).is_nan());
+    }
+
+    #[test]
+    fn and_and_or_need_their_second_operand_only_where_the_first_leaves_them_open() {
+        let nan = f64::NAN;
+        assert_eq!(
+            (Binary::Or.value(2.0, nan), Binary::And.value(0.0, nan)),
+            (1.0, 0.0)
+        );
+        for (op, a, b) in [
+            (Binary::Or, 0.0, nan),
+            (Binary::Or, nan, 1.0),
+            (Binary::And, 1.0, nan),
+            (Binary::And, nan, 0.0),
+        ] {
+            assert!(op.value(a, b).is_nan(), "{op:?} {a} {b}");
+        }
+        for (op, values) in [
+            (Binary::Or, [0.0, 1.0, 1.0, 1.0]),
+            (Binary::And, [0.0, 0.0, 0.0, 1.0]),
+        ] {
+            let found = [(0.0, 0.0), (0.0, 2.0), (-1.0, 0.0), (3.0, 1.0)].map(|(a, b)| op.value(a, b));
+            assert_eq!(found, values, "{op:?}");
         }
     }
 

@@ -215,7 +215,7 @@ impl<S: Source> Reader<'_, S> {
                 Ok(id)
             }
             Action::If => {
-                if let Some(test) = graph.constant(operands[0]) {
+                if let Some(test) = graph.constant(operands[0]).filter(|t| !t.is_nan()) {
                     return Ok(operands[if test != 0.0 { 1 } else { 2 }]);
                 }
                 graph.push(Node::If(operands[0], operands[1], operands[2]))
