@@ -431,3 +431,14 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         "{message}"
     );
 }
+
+/// |x| + y = a, 2 y + min(x, 1) = 10: no solution for a ≤ 3.
+#[test]
+fn a_diagram_without_curves_has_tables_and_no_picture() {
+    let folder = folder("no_curves");
+    run_file_of(&folder, "diagram", &[("min(x, 1) = 0", "min(x, 1) = 10")]);
+    let text = printed(&folder, &["diagram", "run.toml"]);
+    assert!(text.contains("0 branches, "), "{text}");
+    assert!(text.contains("diagram.csv, diagram.json\n"), "{text}");
+    assert!(folder.join("out/diagram.json").exists() && !folder.join("out/diagram.svg").exists());
+}

@@ -37,11 +37,20 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
         let panel = Panel::new(case.problem.parameter(), case.problem.names[k].clone());
         panel.with_diagram(&diagram, |x: &[f64]| x[k], case.style())
     });
-    picture(case, panels, "diagram")?;
+    // A problem without solutions has no picture.
+    let drawn = !diagram.edges().is_empty() || !diagram.vertices().is_empty();
+    if drawn {
+        picture(case, panels, "diagram")?;
+    }
     if case.prints() {
-        let pictures = case.arguments.pictures("diagram").join(", ");
-        let folder = case.folder.display();
-        writeln!(out, "written to {folder}: diagram.csv, diagram.json, {pictures}")?;
+        let mut files = vec!["diagram.csv".to_owned(), "diagram.json".to_owned()];
+        files.extend(
+            drawn
+                .then(|| case.arguments.pictures("diagram"))
+                .into_iter()
+                .flatten(),
+        );
+        writeln!(out, "written to {}: {}", case.folder.display(), files.join(", "))?;
     }
     match stopped(diagram.completeness()) {
         true => Err(interrupted()),
