@@ -18,7 +18,8 @@ def _elementwise(traced: Callable[..., Any], plain: Callable[..., Any], *argumen
 def maximum(a: Any, b: Any) -> Any:
     """The larger of a and b, element by element; each pair is a site with the pieces "first" and "second".
 
-    >>> maximum([1.0, -2.0], 0.0)
+    >>> import semismooth as ss
+    >>> ss.maximum([1.0, -2.0], 0.0)
     array([1., 0.])
     """
     return _elementwise(_core.traced_maximum, np.maximum, a, b)
