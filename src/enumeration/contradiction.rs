@@ -35,8 +35,8 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// Whether H^(σ)(x) is not 0, by far more than rounding.
-    pub(super) fn at_point(&mut self, selection: &Selection, x: &[f64]) -> bool {
+    /// Whether H^(σ)(x) is not 0, by far more than rounding; `None` where its value is not finite.
+    pub(super) fn at_point(&mut self, selection: &Selection, x: &[f64]) -> Option<bool> {
         // Constants of the map may cancel in numbers that it does not show: at least the size of those stated counts.
         self.linearise(selection, x, x, 1.0);
         self.map.residual(selection, x, &mut self.residual);
@@ -44,7 +44,8 @@ impl<'a> Comparison<'a> {
         for ((r, value), term) in self.residual.iter().zip(&self.values).zip(&mut self.terms) {
             *term += (r - value).abs();
         }
-        contradicts(&self.residual, &self.terms)
+        let finite = self.residual.iter().all(|r| r.is_finite());
+        finite.then(|| contradicts(&self.residual, &self.terms))
     }
 
     /// Whether ∇H^(σ)(x) d is not 0, by far more than rounding.
@@ -76,31 +77,49 @@ fn contradicts(values: &[f64], terms: &[f64]) -> bool {
     rows.any(|(value, terms)| value.is_nan() || value.abs() > CONTRADICTION * terms)
 }
 
-/// A list is not proven if some of its points do not solve the map, whose statement then is wrong, or if time is over before all of them
-/// are compared.
+/// Removes points and ends that are not finite; how many there were.
+pub(super) fn drop_overflows(set: &mut SolutionSet) -> u64 {
+    let finite = |x: &[f64]| x.iter().all(|v| v.is_finite());
+    let points =
+        |set: &SolutionSet| set.solutions.len() + set.continua.iter().map(|c| c.ends.len()).sum::<usize>();
+    let before = points(set);
+    set.solutions.retain(|s| finite(&s.x));
+    for continuum in &mut set.continua {
+        continuum.ends.retain(|x| finite(x));
+    }
+    (before - points(set)) as u64
+}
+
+/// A list is not proven if some of its points do not solve the map, whose statement then is wrong, if some solutions are no floating-point
+/// numbers, or if time is over before all of them are compared.
 pub(super) fn doubt_contradictions(
     mut comparison: Comparison<'_>,
     set: &mut SolutionSet,
     deadline: Deadline<'_>,
 ) {
+    let mut overflows = drop_overflows(set);
     let (mut wrong, mut late) = (0, false);
     for solution in &set.solutions {
         late = deadline.is_over();
         if late {
             break;
         }
-        wrong += u64::from(comparison.at_point(&solution.selections[0], &solution.x));
+        match comparison.at_point(&solution.selections[0], &solution.x) {
+            Some(contradicts) => wrong += u64::from(contradicts),
+            None => overflows += 1,
+        }
     }
-    let doubt = match (wrong, late) {
-        (0, false) => return,
-        (0, true) if !set.completeness.is_complete() => return,
-        (0, true) => Doubt::Limit,
+    let doubt = match (wrong, overflows, late) {
+        (0, 0, false) => return,
+        (0, 0, true) if !set.completeness.is_complete() => return,
+        (0, 0, true) => Doubt::Limit,
+        (0, ..) => Doubt::Overflow,
         _ => Doubt::Contradiction,
     };
+    set.index_sum = None;
     if !matches!(set.completeness, Completeness::Incomplete { .. }) {
-        set.index_sum = None;
         set.completeness = Completeness::Undecided {
-            selections: wrong,
+            selections: wrong + overflows,
             doubt,
         };
     }

@@ -55,6 +55,8 @@ pub enum Doubt {
     Limit,
     /// Listed points or directions do not solve the map: the coefficients that it states are those of another one.
     Contradiction,
+    /// Solutions have coordinates, or residuals, above the largest floating-point number. Points with such coordinates are not listed.
+    Overflow,
 }
 
 impl fmt::Display for Doubt {
@@ -66,6 +68,7 @@ impl fmt::Display for Doubt {
             Self::Coincidence => "at no exact solution do all test functions vanish that count as vanishing",
             Self::Limit => "the search reached its cap",
             Self::Contradiction => "the coefficients that the map states are not those of its pieces",
+            Self::Overflow => "solutions have numbers above the largest floating-point number",
         })
     }
 }

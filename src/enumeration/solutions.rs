@@ -2,6 +2,7 @@
 
 mod collector;
 
+use super::contradiction::drop_overflows;
 use super::lists::{Completeness, Doubt, SolutionSet};
 use super::proof::MAX_COEFFICIENTS;
 use super::search::SelectionSearch;
@@ -81,6 +82,13 @@ fn solutions_of(
     set.solutions.iter_mut().for_each(|s| scaled.unscale(&mut s.x));
     let ends = set.continua.iter_mut().flat_map(|c| &mut c.ends);
     ends.for_each(|x| scaled.unscale(x));
+    let overflows = drop_overflows(&mut set);
+    if overflows > 0
+        && let Completeness::Undecided { selections, doubt } = &mut set.completeness
+    {
+        *selections += overflows;
+        *doubt = Doubt::Overflow;
+    }
     Ok(set)
 }
 

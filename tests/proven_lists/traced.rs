@@ -431,3 +431,30 @@ fn switched_formulas_are_proven_where_their_pieces_agree() {
         "not proven, 1 undecided: the pieces do not agree on a facet between them"
     );
 }
+
+/// min(x, m x − 3), which vanishes at 3/m alone.
+struct Far(f64);
+
+impl NonsmoothFunction for Far {
+    fn num_vars(&self) -> usize {
+        1
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        out[0] = kinks.min(x[0], x[0] * self.0 - 3.0);
+    }
+}
+
+#[test]
+fn solutions_that_are_no_floating_point_numbers_are_not_listed_and_leave_the_list_unproven() {
+    let options = EnumerationOptions::default();
+    let near = all_solutions(&Traced::new(Far(1e-300)), 0.0, &options).unwrap();
+    assert!(near.completeness.is_complete() && near.solutions.len() == 1);
+    assert!((near.solutions[0].x[0] / 3e300 - 1.0).abs() < 1e-8);
+    let far = all_solutions(&Traced::new(Far(5e-324)), 0.0, &options).unwrap();
+    assert!(far.solutions.is_empty() && far.index_sum.is_none(), "{far}");
+    let doubt = Doubt::Overflow;
+    assert_eq!(far.completeness, Completeness::Undecided { selections: 1, doubt });
+}

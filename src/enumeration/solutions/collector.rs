@@ -100,6 +100,11 @@ impl<'a> Collector<'a> {
                 *x -= d;
             }
         }
+        // Test functions say nothing at infinity.
+        if !x.iter().all(|v| v.is_finite()) {
+            self.undecided += 1;
+            return Ok(());
+        }
         self.check_affine(selection, &x)?;
         if let Some(clean) = self.lies_in_cell(selection, &x) {
             self.add(selection, x, sign, clean);
