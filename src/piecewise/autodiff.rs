@@ -1,59 +1,15 @@
+mod dual;
 mod exact;
 
 use std::borrow::Cow;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use num_dual::{Dual64, DualNum};
+use num_dual::Dual64;
 
 use super::trace::{LABELS, Labels, lacking, members, ordinary_point, structure};
 use super::{ExactPieces, Facet, PiecewiseSmooth, Real, Selection};
 use crate::sparse::{Coloring, Matrix, Pattern};
-
-impl Real for Dual64 {
-    fn value(&self) -> f64 {
-        self.re
-    }
-    fn sqrt(self) -> Self {
-        DualNum::sqrt(&self)
-    }
-    fn exp(self) -> Self {
-        DualNum::exp(&self)
-    }
-    fn ln(self) -> Self {
-        DualNum::ln(&self)
-    }
-    fn sin(self) -> Self {
-        DualNum::sin(&self)
-    }
-    fn cos(self) -> Self {
-        DualNum::cos(&self)
-    }
-    fn tan(self) -> Self {
-        DualNum::tan(&self)
-    }
-    fn atan(self) -> Self {
-        DualNum::atan(&self)
-    }
-    fn sinh(self) -> Self {
-        DualNum::sinh(&self)
-    }
-    fn cosh(self) -> Self {
-        DualNum::cosh(&self)
-    }
-    fn tanh(self) -> Self {
-        DualNum::tanh(&self)
-    }
-    fn powi(self, n: i32) -> Self {
-        DualNum::powi(&self, n)
-    }
-    fn powf(self, p: f64) -> Self {
-        DualNum::powf(&self, p)
-    }
-    fn slope(&self) -> f64 {
-        self.eps
-    }
-}
 
 /// A nonsmooth function written once over [`Real`], its kinks expressed through [`Kinks`]. [`Traced`] turns it into a
 /// [`PiecewiseSmooth`] map with exact Jacobians (forward-mode dual numbers).

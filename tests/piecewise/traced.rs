@@ -493,3 +493,52 @@ fn entries_are_distinguished_beyond_one_window_of_labels() {
         }
     }
 }
+
+/// Elementary functions at one point, and a sum with a root that does not depend on the second variable.
+struct AtBorders;
+
+impl NonsmoothFunction for AtBorders {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        5
+    }
+    fn eval<T: Real>(&self, x: &[T], _: &mut Kinks<'_, T>, out: &mut [T]) {
+        out[0] = x[0].tanh();
+        out[1] = x[0].powf(1.5);
+        out[2] = x[0].powf(0.999);
+        out[3] = x[0].powf(0.5) + x[1];
+        out[4] = x[0].sqrt() + x[1];
+    }
+}
+
+#[test]
+fn derivatives_at_borders_of_domains_and_far_out_are_limits() {
+    let map = Traced::new(AtBorders);
+    let derivatives = |x: f64| {
+        let mut jac = Matrix::zeros(map.pattern());
+        map.jacobian(&Selection::uniform(0, 0), &[x, 1.0], &mut jac);
+        assert_eq!((jac.get(3, 1), jac.get(4, 1)), (1.0, 1.0), "{x}");
+        [0, 1, 2, 3, 4].map(|row| jac.get(row, 0))
+    };
+    let infinite = f64::INFINITY;
+    assert_eq!(derivatives(0.0), [1.0, 0.0, infinite, infinite, infinite]);
+    for x in [1e-200_f64, 0.3, 400.0, 1e200] {
+        let slopes = [
+            1.5 * x.sqrt(),
+            0.999 * x.powf(-0.001),
+            0.5 / x.sqrt(),
+            0.5 / x.sqrt(),
+        ];
+        let found = derivatives(x);
+        let tanh = 1.0 - x.tanh().powi(2);
+        assert!((found[0] - tanh).abs() <= 1e-15, "{x}: {found:?}");
+        for (found, slope) in found[1..].iter().zip(slopes) {
+            assert!(
+                (found - slope).abs() <= 1e-14 * slope,
+                "{x}: {found} is not {slope}"
+            );
+        }
+    }
+}
