@@ -15,7 +15,7 @@ pub enum OutputError {
         what: &'static str,
     },
     /// A coordinate is NaN or infinite, or too large to be drawn.
-    #[error("curve {curve} of panel {panel}: vertex {vertex} = ({x}, {y}) cannot be drawn")]
+    #[error("curve {curve} of panel {panel}: vertex {vertex} = ({x:?}, {y:?}) cannot be drawn")]
     NotDrawable {
         /// Panel, from 0.
         panel: usize,
@@ -29,7 +29,7 @@ pub enum OutputError {
         y: f64,
     },
     /// A corner of a region is NaN, infinite or too large to be drawn.
-    #[error("panel {panel}: region {region} has a corner at ({x}, {y}), which cannot be drawn")]
+    #[error("panel {panel}: region {region} has a corner at ({x:?}, {y:?}), which cannot be drawn")]
     Region {
         /// Panel, from 0.
         panel: usize,
@@ -41,7 +41,7 @@ pub enum OutputError {
         y: f64,
     },
     /// The position of a note is NaN, infinite or too large to be drawn.
-    #[error("panel {panel}: note {note} at ({x}, {y}) cannot be drawn")]
+    #[error("panel {panel}: note {note} at ({x:?}, {y:?}) cannot be drawn")]
     Note {
         /// Panel, from 0.
         panel: usize,
@@ -83,7 +83,7 @@ pub enum OutputError {
         upper: f64,
     },
     /// A logarithmic axis shows positive values only.
-    #[error("panel {panel}: {value} cannot be drawn on a logarithmic axis")]
+    #[error("panel {panel}: {value:?} cannot be drawn on a logarithmic axis")]
     Logarithm {
         /// Panel, from 0.
         panel: usize,
