@@ -83,11 +83,20 @@ fn solutions_of(
     let ends = set.continua.iter_mut().flat_map(|c| &mut c.ends);
     ends.for_each(|x| scaled.unscale(x));
     let overflows = drop_overflows(&mut set);
-    if overflows > 0
-        && let Completeness::Undecided { selections, doubt } = &mut set.completeness
-    {
-        *selections += overflows;
-        *doubt = Doubt::Overflow;
+    if overflows > 0 {
+        set.index_sum = None;
+        let doubt = Doubt::Overflow;
+        set.completeness = match set.completeness {
+            Completeness::Complete => Completeness::Undecided {
+                selections: overflows,
+                doubt,
+            },
+            Completeness::Undecided { selections, .. } => Completeness::Undecided {
+                selections: selections + overflows,
+                doubt,
+            },
+            incomplete => incomplete,
+        };
     }
     Ok(set)
 }
