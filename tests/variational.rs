@@ -310,6 +310,50 @@ fn empty_sets_are_proven_empty() {
         .with_inequalities(matrix(&[vec![0.0]], 1), vec![-1.0])
         .unwrap();
     assert!(matches!(zero.project(&[0.0]).unwrap(), Projection::Empty(_)));
+    // 0 x ≤ 0, which says nothing, before 0 x ≤ −1.
+    let rows = matrix(&[vec![0.0], vec![0.0]], 1);
+    let zero = Polyhedron::space(1)
+        .unwrap()
+        .with_inequalities(rows, vec![0.0, -1.0])
+        .unwrap();
+    assert!(matches!(zero.project(&[0.0]).unwrap(), Projection::Empty(_)));
+}
+
+/// Where a set has one row or bound alone, its violation is the distance from the set, in all units of the row.
+#[test]
+fn violations_of_one_constraint_are_distances() {
+    let mut random = Random::new(21);
+    for k in 0..200 {
+        let (x, row, unit) = (
+            random.vector(3, 2.0),
+            random.vector(3, 1.0),
+            10_f64.powi(k % 7 - 3),
+        );
+        let rows = matrix(&[row.iter().map(|v| unit * v).collect()], 3);
+        let (right, space) = (vec![unit * random.symmetric()], Polyhedron::space(3).unwrap());
+        let (mut lower, mut upper) = (vec![-INF; 3], vec![INF; 3]);
+        let set = match k % 4 {
+            0 => space.with_inequalities(rows, right).unwrap(),
+            1 => space.with_equations(rows, right).unwrap(),
+            2 => {
+                lower[1] = random.symmetric();
+                Polyhedron::boxed(lower, upper).unwrap()
+            }
+            _ => {
+                upper[1] = random.symmetric();
+                Polyhedron::boxed(lower, upper).unwrap()
+            }
+        };
+        let Projection::Nearest(nearest) = set.project(&x).unwrap() else {
+            panic!("not empty");
+        };
+        let apart: Vec<f64> = nearest.x.iter().zip(&x).map(|(p, x)| p - x).collect();
+        let (distance, violation) = (dot(&apart, &apart).sqrt(), set.violation(&x).unwrap());
+        assert!(
+            (distance - violation).abs() < 1e-14,
+            "{k}: {distance} {violation}"
+        );
+    }
 }
 
 /// 3 x₁ − 2 x₂ ≤ −2, x₂ − 3 x₃ ≤ 3 and twice the sum of these rows bounded from below: on a strip of width δ there is a solution, one of
@@ -372,6 +416,81 @@ fn lines_that_meet_far_away_are_not_called_parallel() {
         panic!()
     };
     assert_eq!(certificate.radius, f64::INFINITY);
+}
+
+/// The same beside rows that have nothing to do with it, so many that exact arithmetic does not look at all of them.
+#[test]
+fn lines_that_meet_far_away_are_not_called_parallel_among_many_rows() {
+    let (n, m) = (60, 120);
+    for k in [20, 30, 36, 40, 44, 50] {
+        let slope = 0.5_f64.powi(k);
+        let mut entries = vec![(0, 1, 1.0), (1, 0, -slope), (1, 1, -1.0)];
+        entries.extend(
+            (0..m).flat_map(|i| [(2 + i, 2 + i % (n - 2), 1.0), (2 + i, 2 + (i + 1) % (n - 2), 1.0)]),
+        );
+        let mut right = vec![0.0, -1e-6];
+        right.resize(2 + m, 1.0);
+        let set = Polyhedron::space(n)
+            .unwrap()
+            .with_inequalities(Matrix::from_triplets(2 + m, n, &entries).unwrap(), right)
+            .unwrap();
+        match set.project(&vec![0.0; n]) {
+            Ok(Projection::Nearest(nearest)) => {
+                assert!(nearest.x[0] * slope >= 1e-6 * (1.0 - 1e-6) && nearest.x[1].abs() < 1e-12);
+            }
+            Err(VariationalError::Unresolved { .. }) => assert!(k > 40, "{k}"),
+            other => panic!("{k}: {other:?}"),
+        }
+    }
+}
+
+/// x = i/10, y = j/10 and x + y = (i + j)/10, or the inequalities x ≤ i/10, y ≤ j/10 and x + y ≥ (i + j)/10, have the common point that
+/// they state, although the numbers stored may contradict each other.
+#[test]
+fn decimal_fractions_that_do_not_add_up_exclude_no_point() {
+    let mut contradictory = 0;
+    for (i, j) in (1..10).flat_map(|i| (1..10).map(move |j| (f64::from(i), f64::from(j)))) {
+        let [p, q, sum] = [i, j, i + j].map(|k| k / 10.0);
+        contradictory += usize::from(p + q < sum);
+        let rows = matrix(&[vec![1.0, 0.0], vec![0.0, 1.0], vec![-1.0, -1.0]], 2);
+        let (right, space) = (vec![p, q, -sum], Polyhedron::space(2).unwrap());
+        for set in [
+            space.clone().with_equations(rows.clone(), right.clone()).unwrap(),
+            space.with_inequalities(rows, right).unwrap(),
+        ] {
+            for start in [[0.0, 0.0], [3.0, -1.0], [2.0, 2.0]] {
+                let Projection::Nearest(nearest) = set.project(&start).unwrap() else {
+                    panic!("{p} + {q} = {sum} from {start:?}");
+                };
+                let [x, y] = nearest.x[..] else { panic!() };
+                assert!((x - p).abs() < 1e-14 && (y - q).abs() < 1e-14, "{x} {y}");
+            }
+        }
+    }
+    assert!(contradictory > 3, "{contradictory}");
+}
+
+/// x = 0, x + η y = 0 and y + δ z = 0 leave z = 0, which is far outside of z ≥ 100: a point that violates the last equation, which nearly
+/// depends on the others, is not the nearest, on whichever side of it the search begins.
+#[test]
+fn equations_that_nearly_depend_on_others_are_met_from_both_sides() {
+    for exponent in 20..40 {
+        let (eta, delta) = (1e-4, 0.5_f64.powi(exponent));
+        let equations = [vec![1.0, 0.0, 0.0], vec![1.0, eta, 0.0], vec![0.0, 1.0, delta]];
+        for (sign, start) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+            let rows = matrix(&[vec![0.0, 0.0, -sign]], 3);
+            let set = Polyhedron::space(3)
+                .unwrap()
+                .with_equations(matrix(&equations, 3), vec![0.0; 3])
+                .unwrap()
+                .with_inequalities(rows, vec![-100.0])
+                .unwrap();
+            if let Ok(Projection::Nearest(nearest)) = set.project(&[0.0, 0.0, start]) {
+                let violation = set.violation(&nearest.x).unwrap();
+                assert!(violation < 5e-8, "{exponent}, {sign}, {start}: {violation:e}");
+            }
+        }
+    }
 }
 
 /// Battle of the sexes: two pure equilibria and (3/5, 2/5; 2/5, 3/5), each with its multipliers of the two simplices.
@@ -518,18 +637,31 @@ fn units_of_rows_merge_no_solutions() {
     }
 }
 
-/// F = (x₂ − 5, 0) on s x₁ ≤ s, 0 ≤ x₂ ≤ 1: all (1, x₂) are solutions, and the multiplier (5 − x₂) / s changes along them.
+/// F = t (x₂ − 5, 0) on s x₁ ≤ s, 0 ≤ x₂ ≤ 1: all (1, x₂) are solutions, and the multiplier t (5 − x₂) / s changes along them.
 #[test]
 fn units_of_rows_hide_no_continua() {
-    for s in [1.0, 1e-6, 1e-10, 1e-14, 1e10] {
-        let f = AffineFunction::new(matrix(&[vec![0.0, 1.0], vec![0.0, 0.0]], 2), vec![-5.0, 0.0]).unwrap();
+    for (t, s) in [1.0, 1e-6, 1e-10, 1e-14, 1e10]
+        .into_iter()
+        .flat_map(|s| [1.0, 1e-5, 3e7].map(|t| (t, s)))
+    {
+        let f = AffineFunction::new(matrix(&[vec![0.0, t], vec![0.0, 0.0]], 2), vec![-5.0 * t, 0.0]).unwrap();
         let set = Polyhedron::boxed(vec![-INF, 0.0], vec![INF, 1.0])
             .unwrap()
             .with_inequalities(matrix(&[vec![s, 0.0]], 2), vec![s])
             .unwrap();
         let list = complete_list(f, set);
-        assert_eq!(list.solutions, Vec::<Vec<f64>>::new(), "s = {s:e}");
-        assert_eq!(list.continua.len(), 1, "s = {s:e}");
+        assert_eq!(list.solutions, Vec::<Vec<f64>>::new(), "{t:e}, {s:e}");
+        let [continuum] = &list.continua[..] else {
+            panic!("{t:e}, {s:e}: {:?}", list.continua);
+        };
+        assert!(!continuum.ends.is_empty());
+        for end in &continuum.ends {
+            let expected = t * (5.0 - end[1]) / s;
+            assert!(
+                (end[2] - expected).abs() < 1e-12 * expected,
+                "{t:e}, {s:e}: {end:?}"
+            );
+        }
     }
 }
 
