@@ -63,14 +63,6 @@ impl Cone {
         }
     }
 
-    /// Projects y on the dual cone: the cone itself, or {0} for free variables.
-    pub(super) fn project_dual(self, y: &mut [f64]) {
-        match self {
-            Self::Free(_) => y.fill(0.0),
-            _ => self.project(y),
-        }
-    }
-
     /// An element of the B-subdifferential of the projection at z, n × n row by row (J.-S. Chen, X. Chen, P. Tseng, 2004; for matrices
     /// D. Sun, J. Sun, 2002).
     pub(super) fn projection_derivative(self, z: &[f64], out: &mut [f64]) {

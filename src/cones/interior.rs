@@ -422,3 +422,40 @@ impl CurrentScaling<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Zero;
+
+    impl Image for Zero {
+        fn image(&mut self, _: &[f64], y: &mut [f64]) {
+            y.fill(0.0);
+        }
+
+        fn derivative(&self, values: &mut [f64]) {
+            values.fill(0.0);
+        }
+    }
+
+    /// x = y = s e, whatever the cones: x ∘ y = s² e.
+    #[test]
+    fn gaps_on_the_central_path_are_its_parameter() {
+        for cones in [
+            vec![Cone::SecondOrder(3)],
+            vec![Cone::Semidefinite(3)],
+            vec![
+                Cone::Free(2),
+                Cone::Nonnegative(2),
+                Cone::SecondOrder(2),
+                Cone::Semidefinite(4),
+            ],
+        ] {
+            let n: usize = cones.iter().map(|c| c.len()).sum();
+            let mut engine = Interior::new(cones, vec![0; n + 1], Vec::new(), false);
+            engine.start(&mut Zero, &vec![0.0; n], 3.0);
+            assert!((engine.gap() - 9.0).abs() < 1e-14);
+        }
+    }
+}

@@ -127,6 +127,29 @@ mod tests {
         }
     }
 
+    /// (s, 0) + t (−1, 1 − δ) leaves the cone at t = s/(2 − δ): the direction is nearly one of its boundary.
+    #[test]
+    fn the_boundary_is_reached_along_directions_close_to_it() {
+        for k in 1..=50 {
+            let (size, small) = (1.0 / (1.0 + f64::from(k)), 0.5_f64.powi(k));
+            let t = reach(&[size, 0.0], &[-1.0, 1.0 - small]);
+            assert!(
+                (t * (2.0 - small) / size - 1.0).abs() <= 16.0 * f64::EPSILON,
+                "{k}: {t}"
+            );
+        }
+    }
+
+    /// (1 + δ)² − 1 = δ (2 + δ).
+    #[test]
+    fn hyperbolic_norms_near_the_boundary_have_all_digits() {
+        for k in 1..=50 {
+            let small = 0.5_f64.powi(k);
+            let exact = small * (2.0 + small);
+            assert!((hyperbolic(&[1.0 + small, 1.0]) - exact).abs() <= 4.0 * f64::EPSILON * exact);
+        }
+    }
+
     proptest! {
         /// W x = W⁻¹ y = λ, so that W² x = y; division undoes the product; the reach ends on the boundary.
         #[test]

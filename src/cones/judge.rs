@@ -123,10 +123,9 @@ impl Run<'_> {
         }
         for ((part, floor), size) in self.parts.iter().zip(floors).zip(sizes) {
             let length = norm(&self.x[part.range.clone()]);
-            *floor = match part.range.len() {
-                1 => 0.0,
-                _ if *floor > 0.0 => FLOOR * length.min(*floor / *size),
-                _ => FLOOR * length,
+            *floor = match *floor > 0.0 {
+                true => FLOOR * length.min(*floor / *size),
+                false => FLOOR * length,
             };
         }
     }

@@ -203,7 +203,7 @@ fn distance_from_dual(cone: Cone, y: &[Exact]) -> f64 {
         Cone::Semidefinite(_) if y.iter().all(Exact::is_zero) => 0.0,
         _ => {
             let mut inside = rounded.clone();
-            cone.project_dual(&mut inside);
+            cone.project(&mut inside);
             let apart = rounded.iter().zip(&inside).map(|(y, p)| y - p);
             length(apart.collect()) + rounding(&rounded)
         }
@@ -226,7 +226,9 @@ fn rounding(y: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::svec;
     use super::*;
+    use crate::spread::Random;
 
     /// F = (t x₁ − s x₂, −T x₁ + S x₂ − 1) with T and S what 3 t and 3 s round to: for v = (3, 1) Mᵀv is 0 in floating-point numbers, but
     /// x₁ = s / (S t − T s) = 2.4e15 is a solution.
@@ -259,13 +261,37 @@ mod tests {
             (0.0, false),
             (-1.0, false),
         ] {
-            let matrix = Matrix::from_rows(&[[slope]]).unwrap();
-            let function = AffineFunction::new(matrix, vec![-1.0]).unwrap();
-            let problem =
-                ConeProblem::new(&function as &dyn McpFunction, vec![Cone::Nonnegative(1)]).unwrap();
-            let found =
-                ray_of_block(&problem, &ConeOptions::default(), Deadline::after(None), &[1.0]).unwrap();
-            assert_eq!(found.is_none(), solvable, "{slope}");
+            // Half-lines are cones of each kind.
+            for cone in [Cone::Nonnegative(1), Cone::SecondOrder(1), Cone::Semidefinite(1)] {
+                let matrix = Matrix::from_rows(&[[slope]]).unwrap();
+                let function = AffineFunction::new(matrix, vec![-1.0]).unwrap();
+                let problem = ConeProblem::new(&function as &dyn McpFunction, vec![cone]).unwrap();
+                let found =
+                    ray_of_block(&problem, &ConeOptions::default(), Deadline::after(None), &[1.0]).unwrap();
+                assert_eq!(found.is_none(), solvable, "{slope} {cone:?}");
+                // Where F is constant the proof is exact.
+                assert!(slope != 0.0 || found.unwrap().radius == f64::INFINITY);
+            }
         }
+    }
+
+    /// F = u uᵀ and V = w wᵀ with w orthogonal to u: X = 0 is a solution, and ⟨F, V⟩ < 0 is due to rounding.
+    #[test]
+    fn rounding_refutes_no_matrix_of_the_cone() {
+        let (mut random, mut negative) = (Random::new(6), 0);
+        for _ in 0..200 {
+            let (a, b) = (random.symmetric(), random.symmetric());
+            let (q, v) = (
+                svec(&[[b * b, -a * b], [-a * b, a * a]]).unwrap(),
+                svec(&[[a * a, a * b], [a * b, b * b]]).unwrap(),
+            );
+            negative += usize::from(dot(&q, &v) < 0.0);
+            let zero = Matrix::zeros(Matrix::identity(3).pattern().clone());
+            let function = AffineFunction::new(zero.clone(), q.clone()).unwrap();
+            let cones = vec![Cone::Semidefinite(2)];
+            let problem = ConeProblem::new(&function as &dyn McpFunction, cones).unwrap();
+            assert_eq!(certificate(&problem, &zero, &q, v).unwrap(), None, "{a} {b}");
+        }
+        assert!(negative > 20, "{negative}");
     }
 }

@@ -186,7 +186,6 @@ fn elements_of_fischer_burmeister_maps_are_limits() {
 
 /// Natural and normal maps with F′ = 2 I, so that x − F(x) moves opposite to x: limits from inside the cone on its boundary, otherwise from
 /// outside.
-/// outside.
 #[test]
 fn elements_of_natural_and_normal_maps_are_limits() {
     for (k, sample) in samples().iter().enumerate() {
