@@ -535,6 +535,39 @@ fn equations_for_what_is_rounding_are_solved() {
     }
 }
 
+/// F(x) = |a|² x − a aᵀx, not declared affine, vanishes on the ray of a, on the boundary of the cone: what is left of F beside its
+/// derivative is rounding, and no sign of a solution at infinity.
+#[test]
+fn rays_of_solutions_of_homogeneous_functions_are_found() {
+    let a = [5.0, 3.0, -4.0];
+    let value = |x: &[f64], out: &mut [f64]| {
+        let along: f64 = a.iter().zip(x).map(|(a, x)| a * x).sum();
+        (0..3).for_each(|i| out[i] = 50.0 * x[i] - along * a[i]);
+    };
+    let jacobian = |_: &[f64], jac: &mut Matrix| {
+        for (i, j) in (0..9).map(|k| (k / 3, k % 3)) {
+            jac.add(i, j, if i == j { 50.0 } else { 0.0 } - a[i] * a[j]);
+        }
+    };
+    let function = WithJacobian::new(3, value, jacobian);
+    let problem = ConeProblem::new(function, vec![Cone::SecondOrder(3)]).unwrap();
+    let options = ConeOptions::default()
+        .with_strategies(vec![ConeStrategy::Newton])
+        .with_restarts(0);
+    let (solver, mut random) = (ConeSolver::new(options), Random::new(12));
+    for case in 0..40 {
+        let mut x = random.vector(3, 0.1);
+        x.iter_mut().zip(a).for_each(|(x, a)| *x += a);
+        let report = solver.solve(&problem, &mut x).unwrap();
+        assert!(report.is_solved(), "{case}: {report}");
+        let along = x[0] / a[0];
+        assert!(
+            x.iter().zip(a).all(|(x, a)| (x - along * a).abs() < 1e-6),
+            "{case}: {x:?}"
+        );
+    }
+}
+
 /// X₁₁ = −1 has no semidefinite X, and neither have X₁₁ = 0, X₁₂ = 1.
 #[test]
 fn semidefinite_programs_without_points() {
