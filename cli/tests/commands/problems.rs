@@ -442,3 +442,52 @@ fn a_diagram_without_curves_has_tables_and_no_picture() {
     assert!(text.contains("diagram.csv, diagram.json\n"), "{text}");
     assert!(folder.join("out/diagram.json").exists() && !folder.join("out/diagram.svg").exists());
 }
+
+#[test]
+fn powers_that_are_flat_at_zero_are_not_taken_for_affine() {
+    let folder = folder("flat");
+    let equations = "equations = [\"abs(x) + y = a\", \"2*y + min(x, 1) = 0\"]";
+    let flat = "equations = [\"x^20 = a + 10\", \"y + max(x, 0)^20 = 0\"]";
+    run_file_of(
+        &folder,
+        "solutions",
+        &[(equations, flat), ("at = [-1.0, 0.5, 2.0]", "at = [-2.0]")],
+    );
+    let text = printed(&folder, &["solutions", "run.toml"]);
+    assert!(text.starts_with("a = -2: found 2, complete: unknown"), "{text}");
+    let root = 8.0_f64.powf(0.05);
+    for x in column(&table(&folder.join("out/solutions.csv")), "x") {
+        assert!((x.abs() - root).abs() < 1e-9, "{x}");
+    }
+    // Affine with rounded coefficients.
+    let rounded = "equations = [\"sqrt(2)*x + abs(x)/3 = a + 2\", \"y = x\"]";
+    run_file_of(&folder, "solutions", &[(equations, rounded)]);
+    let text = printed(&folder, &["solutions", "run.toml"]);
+    assert!(text.starts_with("a = -1: 1 solution, not proven"), "{text}");
+}
+
+#[test]
+fn continua_are_no_isolated_solutions_and_options_are_read_before_the_search() {
+    let folder = folder("continuum");
+    let equations = "equations = [\"abs(x) + y = a\", \"2*y + min(x, 1) = 0\"]";
+    run_file_of(
+        &folder,
+        "solutions",
+        &[(equations, "equations = [\"x = y\", \"y = x\"]")],
+    );
+    let text = printed(&folder, &["solutions", "run.toml"]);
+    assert!(
+        text.contains("a = 2: no isolated solution, complete\n    and a continuum of solutions\n"),
+        "{text}"
+    );
+    run_file_of(
+        &folder,
+        "solutions",
+        &[("# [options]\n# starts = 100", "[options]\nstart = 100")],
+    );
+    let error = refused(&folder, &["solutions", "run.toml"]);
+    assert!(
+        error.contains("options: ") && error.contains("`start`"),
+        "{error}"
+    );
+}

@@ -3,8 +3,11 @@
 use std::io::Write;
 
 use semismooth::continuation::{SearchOptions, search_solutions_observed};
-use semismooth::enumeration::{EnumerationError, EnumerationOptions, all_solutions_until};
-use semismooth::piecewise::Selection;
+use semismooth::enumeration::{
+    Completeness, Doubt, EnumerationError, EnumerationOptions, SolutionSet, all_solutions_until,
+};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::sparse::Matrix;
 
 use super::Case;
 use crate::commands::error::CommandError;
@@ -40,12 +43,13 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     let head: Vec<String> = head.chain(names).chain(sites).collect();
     writeln!(table, "{}\r", head.join(",")).map_err(write_failed(&path))?;
     let values = parameters(case)?;
+    let options: SearchOptions = case.file.options()?;
     let progress = Progress::new(values.len() as u64, !case.prints())?;
     for (k, alpha) in values.into_iter().enumerate() {
         if progress.at(k as u64, format!("{alpha}")).is_break() {
             break;
         }
-        let list = find(case, alpha, &progress)?;
+        let list = find(case, alpha, &options, &progress)?;
         for solution in &list.solutions {
             writeln!(table, "{}\r", row(case, k, solution)).map_err(write_failed(&path))?;
         }
@@ -83,7 +87,12 @@ fn parameters(case: &Case<'_>) -> Result<Vec<f64>, CommandError> {
 }
 
 /// All solutions if the pieces are affine, else those that a search finds.
-fn find(case: &Case<'_>, alpha: f64, progress: &Progress) -> Result<List, CommandError> {
+fn find(
+    case: &Case<'_>,
+    alpha: f64,
+    options: &SearchOptions,
+    progress: &Progress,
+) -> Result<List, CommandError> {
     let map = case.problem.map();
     let failed = |e| CommandError::failed("the list of solutions", e);
     let listed = |s: semismooth::enumeration::Solution| Listed {
@@ -95,21 +104,21 @@ fn find(case: &Case<'_>, alpha: f64, progress: &Progress) -> Result<List, Comman
     match all_solutions_until(map, alpha, &EnumerationOptions::default(), &|| {
         progress.cancelled()
     }) {
-        Ok(found) => Ok(List {
+        Ok(found) if !is_curved(map, alpha, &found) => Ok(List {
             continua: found.continua.len(),
             index_sum: found.index_sum,
             complete: found.completeness.is_complete(),
             verdict: found.completeness.to_string(),
             words: match found.solutions.len() {
+                0 if !found.continua.is_empty() => format!("no isolated solution, {}", found.completeness),
                 0 => format!("no solution, {}", found.completeness),
                 n => format!("{}, {}", counted(n, "solution"), found.completeness),
             },
             solutions: found.solutions.into_iter().map(listed).collect(),
         }),
-        Err(EnumerationError::NotAffine { .. }) => {
+        Ok(_) | Err(EnumerationError::NotAffine { .. }) => {
             let none: [Vec<f64>; 0] = [];
-            let options: SearchOptions = case.file.options()?;
-            let found = search_solutions_observed(map, alpha, &none, &options, |_| progress.flow())
+            let found = search_solutions_observed(map, alpha, &none, options, |_| progress.flow())
                 .map_err(|e| CommandError::failed("the search", e))?;
             let verdict = format!("{found}");
             let one = |s: semismooth::continuation::FoundSolution| Listed {
@@ -129,6 +138,49 @@ fn find(case: &Case<'_>, alpha: f64, progress: &Progress) -> Result<List, Comman
         }
         Err(e) => Err(failed(e)),
     }
+}
+
+/// Whether pieces that the map cannot state as affine have other derivatives far from 0 than at 0. Near 0, where lists are tested, x²⁰ looks
+/// constant.
+fn is_curved(map: &dyn PiecewiseSmooth, alpha: f64, found: &SolutionSet) -> bool {
+    let unstated = matches!(
+        found.completeness,
+        Completeness::Undecided {
+            doubt: Doubt::NoCoefficients,
+            ..
+        }
+    );
+    if !unstated
+        || map
+            .exact()
+            .is_some_and(|pieces| pieces.conditions(alpha).is_some())
+    {
+        return false;
+    }
+    let n = map.num_residuals();
+    let at = |y: &dyn Fn(usize) -> f64| -> Vec<f64> {
+        (0..map.num_vars())
+            .map(|i| if i < n { y(i) } else { alpha })
+            .collect()
+    };
+    let points = [at(&|_| 0.0), at(&|i| ((i * 7919 + 3571) % 1009) as f64 - 504.5)];
+    let mut both = [Matrix::zeros(map.pattern()), Matrix::zeros(map.pattern())];
+    let mut differs = |selection: &Selection| {
+        for (jac, x) in both.iter_mut().zip(&points) {
+            jac.clear();
+            map.jacobian(selection, x, jac);
+        }
+        let mut entries = both[0].triplets().zip(both[1].triplets());
+        entries.any(|((_, j, a), (.., b))| j < n && !((a - b).abs() <= 1e-6 * a.abs().max(b.abs())))
+    };
+    let base = Selection::uniform(map.num_sites(), 0);
+    let other = |(site, piece): (usize, usize)| {
+        let mut selection = base.clone();
+        selection.set(site, piece);
+        selection
+    };
+    let mut sites = (0..map.num_sites()).flat_map(|site| (1..map.num_pieces(site)).map(move |k| (site, k)));
+    differs(&base) || sites.any(|place| differs(&other(place)))
 }
 
 fn sign(value: Option<i8>) -> String {
