@@ -171,7 +171,9 @@ fn is_curved(map: &dyn PiecewiseSmooth, alpha: f64, found: &SolutionSet) -> bool
             map.jacobian(selection, x, jac);
         }
         let mut entries = both[0].triplets().zip(both[1].triplets());
-        entries.any(|((_, j, a), (.., b))| j < n && !((a - b).abs() <= 1e-6 * a.abs().max(b.abs())))
+        // In this form NaN differs.
+        let same = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
+        entries.any(|((_, j, a), (.., b))| j < n && !same(a, b))
     };
     let base = Selection::uniform(map.num_sites(), 0);
     let other = |(site, piece): (usize, usize)| {
