@@ -59,8 +59,9 @@ pub struct ConeRay {
     pub direction: Vec<f64>,
     /// qᵀv.
     pub value: f64,
-    /// −Mᵀv lies in K* up to rounding; v proves that there is no solution with ‖x‖₂ below this radius. At least 10¹² times the size of x
-    /// at which M x and q of this block are of similar size; infinite where −Mᵀv lies in K* exactly.
+    /// −Mᵀv lies in K* up to rounding; v proves that there is no solution with ‖x‖₂ below this radius. In units of each cone in which the
+    /// entries of M are of one size it is at least 10¹² times the size of x at which M x and q of this block are of similar size; infinite
+    /// where −Mᵀv lies in K* exactly.
     pub radius: f64,
 }
 

@@ -691,3 +691,68 @@ fn strategies_alone_agree() {
         assert_eq!((report.status, report.iterations), (ConeStatus::Stalled, 0));
     }
 }
+
+/// A problem with one solution, the x at which F = 0, in units of each cone that are far apart: it is not refuted, as x is of ordinary size in
+/// these units.
+#[test]
+fn solvable_problems_are_not_refuted_in_any_units() {
+    let rows = [
+        [2.0, 2.0, 1.0, 2.0, 2.0, 0.0],
+        [2.0, 17.0, 6.0, -6.0, 0.0, -5.0],
+        [1.0, 6.0, 17.0, -1.0, -2.0, 4.0],
+        [2.0, -6.0, -1.0, 15.0, -1.0, 2.0],
+        [2.0, 0.0, -2.0, -1.0, 6.0, 3.0],
+        [0.0, -5.0, 4.0, 2.0, 3.0, 11.0],
+    ];
+    let solution = [2.0, 1.0, 5.0, 3.0, 4.0, 1.0];
+    let mut random = Random::new(5);
+    for k in 0..8 {
+        let mut unit = || (26.0 * random.symmetric()).round().exp2();
+        let mut of_x = [unit(), unit(), unit()];
+        let of_f = if k % 2 == 0 {
+            [1.0; 3]
+        } else {
+            [unit(), unit(), unit()]
+        };
+        if k == 0 {
+            of_x = [-25, -24, 21].map(|e| f64::from(e).exp2());
+        }
+        let each = |units: [f64; 3]| [0, 0, 1, 1, 1, 2].map(|b: usize| units[b]);
+        let (of_x, of_f) = (each(of_x), each(of_f));
+        let scaled: Vec<Vec<f64>> = (0..6)
+            .map(|i| (0..6).map(|j| rows[i][j] * of_f[i] * of_x[j]).collect())
+            .collect();
+        let q = (0..6).map(|i| -of_f[i] * (0..6).map(|j| rows[i][j] * solution[j]).sum::<f64>());
+        let function = AffineFunction::new(Matrix::from_rows(&scaled).unwrap(), q.collect()).unwrap();
+        let cones = vec![Cone::SecondOrder(2), Cone::SecondOrder(3), Cone::Semidefinite(1)];
+        let problem = ConeProblem::new(function, cones).unwrap();
+        let mut x = of_x.map(|unit| random.symmetric() / unit);
+        let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+        assert_ne!(
+            report.status,
+            ConeStatus::NoSolution,
+            "{of_x:?} {of_f:?}: {:?}",
+            report.ray
+        );
+        if report.is_solved() {
+            let apart = (0..6).map(|i| (x[i] * of_x[i] - solution[i]).abs());
+            assert!(apart.fold(0.0, f64::max) < 1e-5, "{of_x:?} {of_f:?}: {x:?}");
+        }
+    }
+}
+
+/// F₁ = −x₂ − 1 is negative for all x in K, whatever the units of the two half-lines and of F are.
+#[test]
+fn infeasible_problems_are_refuted_in_any_units() {
+    for (x, f) in [(0, 0), (-26, 0), (26, 13), (-20, 40), (30, -30)] {
+        let (x, f) = (f64::from(x).exp2(), f64::from(f).exp2());
+        let rows = [[0.0, -f / x], [x, 1.0]];
+        let function = AffineFunction::new(Matrix::from_rows(&rows).unwrap(), vec![-f, 1.0]).unwrap();
+        let problem = ConeProblem::new(function, vec![Cone::Nonnegative(2)]).unwrap();
+        let report = ConeSolver::default()
+            .solve(&problem, &mut [1.0 / x, 1.0])
+            .unwrap();
+        assert_eq!(report.status, ConeStatus::NoSolution, "{x:e} {f:e}");
+        assert!(report.ray.unwrap().radius > 1e12, "{x:e} {f:e}");
+    }
+}
