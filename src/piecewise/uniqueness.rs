@@ -154,7 +154,8 @@ impl LocalUniqueness {
 ///
 /// * *Essentially active* is a selection whose cell has interior points arbitrarily near x, α fixed: some d has sign·∇_yθ·d > 0 on its
 ///   vanishing facets. Other selections (at a kink that cancels) are left out if the tests are affine or two of them are the same
-///   function; else they are a [`CertificateDoubt`] if their sign differs.
+///   function; else they are a [`CertificateDoubt`] if their sign differs. Gradients of tests that are dependent up to rounding count as
+///   dependent: cells narrower than that are left out.
 /// * *Coherent orientation*: det ∇_yH^(σ) has one sign over all essentially active σ. If not, uniqueness [fails](LocalUniqueness::fails).
 /// * *One preimage*: a coherently oriented piecewise linear map takes every value without preimages on boundaries of cells equally
 ///   often, and is a homeomorphism exactly if that is once. At most four cells cannot wind twice (D. Kuhn, R. Löwen, Linear Algebra
