@@ -214,7 +214,15 @@ impl Accuracy {
         if f == 0.0 || p.rests(i) {
             return 0.0;
         }
-        f.abs() / self.terms[i]
+        self.part(i, f.abs())
+    }
+
+    /// A part of the terms of a row; infinite where these are above the largest number, since they hide any residual then.
+    fn part(&self, row: usize, size: f64) -> f64 {
+        match self.terms[row] {
+            f64::INFINITY => f64::INFINITY,
+            terms => size / terms,
+        }
     }
 
     /// The largest relative change of a row, with respect to its terms, when x_i moves by `length`.
@@ -223,7 +231,7 @@ impl Accuracy {
         p.jac.each(i, |row, v| {
             let change = (v * length).abs();
             if change > 0.0 {
-                worst = Some(worst.unwrap_or(0.0).max(change / self.terms[row]));
+                worst = Some(worst.unwrap_or(0.0).max(self.part(row, change)));
             }
         });
         worst.unwrap_or(length / p.x[i].abs())
@@ -239,7 +247,7 @@ mod tests {
     #[test]
     fn a_point_where_the_rows_overflow_is_no_solution() {
         let lcp = Lcp::new(Matrix::from_rows(&[[1e308]]).unwrap(), vec![-1.0]).unwrap();
-        for w in [f64::NAN, f64::INFINITY] {
+        for w in [f64::NAN, f64::INFINITY, 1e307] {
             let measure = Accuracy::default().measure(&Point::of((&lcp).into(), &[10.0], &[w]));
             assert!(!measure.is_solved(1.0), "{w}");
         }

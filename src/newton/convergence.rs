@@ -45,8 +45,8 @@ pub(super) fn is_small(
     settled: &[bool],
     work: Scratch<'_>,
 ) -> Small {
-    let bound = tolerance * norm(size);
-    if norm(r) > bound || bound.is_nan() {
+    // Terms above the largest number would hide any residual.
+    if size.iter().any(|s| !s.is_finite()) || norm(r) > tolerance * norm(size) {
         return Small::No;
     }
     if r.iter().zip(size).all(|(r, s)| r.abs() <= tolerance * s) {
@@ -159,7 +159,7 @@ mod tests {
         assert!(small([1e3, 1e3, 1e12], 100.0, true) == Small::No);
     }
 
-    /// A row with terms that are NaN is not exempted by another one, however large.
+    /// A row with terms that are NaN is not exempted by another one, however large, nor one by terms that overflow.
     #[test]
     fn rows_without_sizes_are_not_solved() {
         let jac = Matrix::from_rows(&[[1.0, f64::NAN], [1.0, 0.0]]).unwrap();
@@ -171,6 +171,13 @@ mod tests {
         };
         let sizes = [f64::NAN, 1e15];
         assert!(is_small(&[1e-3, 0.0], &sizes, 1e-12, jac.as_ref(), &[true; 2], work) == Small::No);
+        let work = Scratch {
+            row: &mut row,
+            col: &mut col,
+            max: &mut max,
+        };
+        let sizes = [f64::INFINITY, 1e15];
+        assert!(is_small(&[1e307, 0.0], &sizes, 1e-12, jac.as_ref(), &[true; 2], work) == Small::No);
     }
 
     /// x₀ is rounded in a row with terms of 1, of which it has a share of 1e-3: its own row, whose terms vanish, may have a residual as

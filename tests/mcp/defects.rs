@@ -16,6 +16,19 @@ fn logarithm_with_a_free_variable_is_not_solved_outside_its_domain() {
     }
 }
 
+/// exp x = 8 from starts at which exp x is a number and its terms x exp x are not.
+#[test]
+fn terms_that_overflow_hide_no_residual() {
+    let problem = Mcp::equations(scalar(|x| x.exp() - 8.0, f64::exp)).unwrap();
+    for start in [705.0, 709.5] {
+        let (x, report) = solve(&problem, &[start]);
+        assert!(
+            !report.is_solved() || (x[0].exp() - 8.0).abs() < 1e-8,
+            "{start}: {x:?}"
+        );
+    }
+}
+
 #[test]
 fn nan_is_no_solution() {
     let never = Mcp::ncp(WithJacobian::new(
