@@ -1,0 +1,165 @@
+//! Proofs that there is no solution, in all units; and residuals that vanish at infinity only.
+
+use semismooth::complementarity::AffineFunction;
+use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver, ConeStatus};
+use semismooth::sparse::Matrix;
+
+use crate::norm;
+use crate::random::Random;
+
+/// F(x) = M x + q with skew M and x in K: v proves that F(x) in K* has no solution.
+#[test]
+fn infeasible_problems_are_refuted() {
+    // The first component of F is −1 whatever x is.
+    let rows = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let q = vec![-1.0, 0.3, 0.2];
+    let function = AffineFunction::new(Matrix::from_rows(&rows).unwrap(), q.clone()).unwrap();
+    let problem = ConeProblem::new(function, vec![Cone::SecondOrder(3)]).unwrap();
+    let mut x = [1.0, 0.0, 0.0];
+    let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+    assert_eq!(report.status, ConeStatus::NoSolution);
+    let ray = report.ray.unwrap();
+    let v = &ray.direction;
+    assert!(v[0] >= norm(&v[1..]) - 1e-14);
+    let back: Vec<f64> = (0..3)
+        .map(|j| -(0..3).map(|i| rows[i][j] * v[i]).sum::<f64>())
+        .collect();
+    assert!(back[0] >= norm(&back[1..]) - 1e-9);
+    let value: f64 = q.iter().zip(v).map(|(q, v)| q * v).sum();
+    assert!((value + 1.0).abs() < 1e-9 && ray.radius > 1e6);
+}
+
+/// F(x) = (0, x₁ − 1, x₂) at points far along the axis of the cone: F is no smaller there than elsewhere, and neither is the reported
+/// error.
+#[test]
+fn residuals_do_not_vanish_along_the_axis() {
+    let matrix = Matrix::from_rows(&[[0.0; 3], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).unwrap();
+    let function = AffineFunction::new(matrix, vec![0.0, -1.0, 0.0]).unwrap();
+    let problem = ConeProblem::new(function, vec![Cone::SecondOrder(3)]).unwrap();
+    for length in [2.0, 1e4, 1e7, 1e10] {
+        for limit in [3, 4, 5, 6, 100] {
+            let mut x = [length, 2.0, 0.0];
+            let options = ConeOptions::default().with_max_iterations(limit);
+            let report = ConeSolver::new(options).solve(&problem, &mut x).unwrap();
+            let (off, error) = ((x[1] - 1.0).abs(), report.error);
+            // The error is evaluated in the last iterations only.
+            let agrees = error == f64::INFINITY || error >= 0.1 * off - 1e-12 && error <= off + 1e-12;
+            assert!(
+                agrees && (limit < 100 || report.is_solved()),
+                "{length:e}: {off:e} {error:e}"
+            );
+        }
+    }
+}
+
+/// With skew M and v = (1, 1, 0) in K, vᵀF(x) = −½ for all x: a small relative residual far from the origin is no solution.
+#[test]
+fn residuals_that_vanish_at_infinity_are_no_solutions() {
+    let rows = [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [-1.0, 1.0, 0.0]];
+    let q = vec![-1.0, 0.5, 0.0];
+    let function = AffineFunction::new(Matrix::from_rows(&rows).unwrap(), q).unwrap();
+    let problem = ConeProblem::new(function, vec![Cone::SecondOrder(3)]).unwrap();
+    for scale in [1.0, 1e8, 1e12, 1e16] {
+        let mut x = [scale, scale, 0.0];
+        let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+        assert_eq!(
+            report.status,
+            ConeStatus::NoSolution,
+            "{scale}: {x:?} {:e}",
+            report.error
+        );
+        let v = report.ray.unwrap().direction;
+        assert!((v[0] - v[1]).abs() < 1e-9 && v[2].abs() < 1e-6, "{v:?}");
+    }
+}
+
+/// The same beside x₃ ≥ 0 ⟂ x₃ − 1 ≥ 0, which is decoupled from it and whose constant may be large compared with the others. The
+/// certificate concerns the other rows alone.
+#[test]
+fn other_blocks_do_not_hide_what_vanishes_at_infinity() {
+    let rows = [
+        [0.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, -1.0, 0.0],
+        [-1.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 1.0],
+    ];
+    for own in [1.0, 1e-3, 1e6] {
+        let q = vec![-1.0, 0.5, 0.0, -own];
+        let function = AffineFunction::new(Matrix::from_rows(&rows).unwrap(), q).unwrap();
+        let cones = vec![Cone::SecondOrder(3), Cone::Nonnegative(1)];
+        let problem = ConeProblem::new(function, cones).unwrap();
+        for scale in [1.0, 1e8, 1e12, 1e16] {
+            let mut x = [scale, scale, 0.0, own];
+            let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+            let told = (own, scale, x, report.error);
+            assert_eq!(report.status, ConeStatus::NoSolution, "{told:?}");
+            let v = report.ray.unwrap().direction;
+            assert!((v[0] - v[1]).abs() < 1e-9 && v[3] == 0.0, "{v:?}");
+        }
+    }
+}
+
+/// A problem with one solution, the x at which F = 0, in units of each cone that are far apart: it is not refuted, as x is of ordinary size in
+/// these units.
+#[test]
+fn solvable_problems_are_not_refuted_in_any_units() {
+    let rows = [
+        [2.0, 2.0, 1.0, 2.0, 2.0, 0.0],
+        [2.0, 17.0, 6.0, -6.0, 0.0, -5.0],
+        [1.0, 6.0, 17.0, -1.0, -2.0, 4.0],
+        [2.0, -6.0, -1.0, 15.0, -1.0, 2.0],
+        [2.0, 0.0, -2.0, -1.0, 6.0, 3.0],
+        [0.0, -5.0, 4.0, 2.0, 3.0, 11.0],
+    ];
+    let solution = [2.0, 1.0, 5.0, 3.0, 4.0, 1.0];
+    let mut random = Random::new(5);
+    for k in 0..8 {
+        let mut unit = || (26.0 * random.symmetric()).round().exp2();
+        let mut of_x = [unit(), unit(), unit()];
+        let of_f = if k % 2 == 0 {
+            [1.0; 3]
+        } else {
+            [unit(), unit(), unit()]
+        };
+        if k == 0 {
+            of_x = [-25, -24, 21].map(|e| f64::from(e).exp2());
+        }
+        let each = |units: [f64; 3]| [0, 0, 1, 1, 1, 2].map(|b: usize| units[b]);
+        let (of_x, of_f) = (each(of_x), each(of_f));
+        let scaled: Vec<Vec<f64>> = (0..6)
+            .map(|i| (0..6).map(|j| rows[i][j] * of_f[i] * of_x[j]).collect())
+            .collect();
+        let q = (0..6).map(|i| -of_f[i] * (0..6).map(|j| rows[i][j] * solution[j]).sum::<f64>());
+        let function = AffineFunction::new(Matrix::from_rows(&scaled).unwrap(), q.collect()).unwrap();
+        let cones = vec![Cone::SecondOrder(2), Cone::SecondOrder(3), Cone::Semidefinite(1)];
+        let problem = ConeProblem::new(function, cones).unwrap();
+        let mut x = of_x.map(|unit| random.symmetric() / unit);
+        let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+        assert_ne!(
+            report.status,
+            ConeStatus::NoSolution,
+            "{of_x:?} {of_f:?}: {:?}",
+            report.ray
+        );
+        if report.is_solved() {
+            let apart = (0..6).map(|i| (x[i] * of_x[i] - solution[i]).abs());
+            assert!(apart.fold(0.0, f64::max) < 1e-5, "{of_x:?} {of_f:?}: {x:?}");
+        }
+    }
+}
+
+/// F₁ = −x₂ − 1 is negative for all x in K, whatever the units of the two half-lines and of F are.
+#[test]
+fn infeasible_problems_are_refuted_in_any_units() {
+    for (x, f) in [(0, 0), (-26, 0), (26, 13), (-20, 40), (30, -30)] {
+        let (x, f) = (f64::from(x).exp2(), f64::from(f).exp2());
+        let rows = [[0.0, -f / x], [x, 1.0]];
+        let function = AffineFunction::new(Matrix::from_rows(&rows).unwrap(), vec![-f, 1.0]).unwrap();
+        let problem = ConeProblem::new(function, vec![Cone::Nonnegative(2)]).unwrap();
+        let report = ConeSolver::default()
+            .solve(&problem, &mut [1.0 / x, 1.0])
+            .unwrap();
+        assert_eq!(report.status, ConeStatus::NoSolution, "{x:e} {f:e}");
+        assert!(report.ray.unwrap().radius > 1e12, "{x:e} {f:e}");
+    }
+}
