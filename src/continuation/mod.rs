@@ -9,6 +9,7 @@ mod error;
 mod event;
 mod natural;
 mod options;
+mod point;
 mod pursuit;
 mod record;
 #[cfg(feature = "serde")]
@@ -32,6 +33,7 @@ pub use diagram::{
 };
 pub use error::ContinuationError;
 pub use options::{ContinuationOptions, Strategy};
+pub use point::{Certainty, PointAnalysis, PointDoubt};
 pub(crate) use pursuit::pursue;
 pub use record::{
     Arm, BranchPoint, Event, MonitorCrossing, Point, PointKind, SiteChange, SmoothFold, Termination,

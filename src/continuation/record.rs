@@ -113,6 +113,33 @@ pub struct Arm {
     pub tangent: Vec<f64>,
     /// Sites in whose cell boundary the arm runs (grazing), increasing.
     pub grazing: Vec<usize>,
+    /// Sign of α − α* along the arm, α* the parameter of the point: that of the first order of its expansion in which α moves; 0 where α is
+    /// constant along it, a vertical segment.
+    pub direction: i8,
+    /// Sign of det ∇_yH^(σ) along the arm, where the solver provides determinants; 0 on vertical segments.
+    pub det_sign: Option<i8>,
+    /// A corrected point of the arm next to the point, where its tangent does not tell it from others; else empty.
+    pub(super) probe: Vec<f64>,
+}
+
+impl Arm {
+    /// The arm along a tangent that is known to first order.
+    pub(super) fn along(selection: Selection, tangent: Vec<f64>, grazing: Vec<usize>, det_sign: Option<i8>) -> Self {
+        let rate = tangent.last().copied().unwrap_or(0.0);
+        let direction = match det_sign {
+            Some(0) => 0,
+            _ if rate == 0.0 => 0,
+            _ => rate.signum() as i8,
+        };
+        Self {
+            selection,
+            tangent,
+            grazing,
+            direction,
+            det_sign,
+            probe: Vec::new(),
+        }
+    }
 }
 
 /// A site whose piece changes at a transition.
@@ -174,6 +201,8 @@ pub struct Transition {
     pub kind: TransitionKind,
     /// All arms that leave x, but the one on which the curve arrived. The curve continues along `followed`.
     pub arms: Vec<Arm>,
+    /// The arm along which the curve arrived, as it leaves the point.
+    pub arrival: Arm,
     /// Index in `arms` of the arm that is followed, if any.
     pub followed: Option<usize>,
     /// Whether all active selections were examined and none is undecided, within tolerances: no limit was reached.
@@ -236,6 +265,8 @@ pub struct BranchPoint {
     pub singular: Selection,
     /// All arms that leave, but the one on which the curve arrived.
     pub arms: Vec<Arm>,
+    /// The arm along which the curve arrived, as it leaves the point.
+    pub arrival: Arm,
     /// Index in `arms` of the arm that is followed, if any.
     pub followed: Option<usize>,
     /// Whether all active selections were examined and their branching equations decided, within tolerances.

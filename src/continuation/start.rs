@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::engine::{Curve, Solver, State, generic_probe, term_size};
-use super::event::arms::Arms;
+use super::point::{Arms, PointAnalysis, PointDoubt};
 use super::event::watch::Departure;
 use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
 use crate::clock::Clock;
@@ -144,40 +144,35 @@ fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, Co
 }
 
 fn no_arm(arms: &Arms, wanted: &'static str) -> ContinuationError {
-    const NAMED: usize = 8;
     let found = arms.list.len();
     if arms.complete {
         return ContinuationError::NoArm { wanted, found };
     }
-    let Some(undecided) = &arms.undecided else {
-        return ContinuationError::UndecidedArms {
-            wanted,
-            found,
-            kernel: 0,
-            variables: Vec::new(),
-            reason: "a limit ended the search (a stop, max_time, max_nodes, max_selections, or a kernel of more than 600 rows): raise it, or start \
-                     elsewhere"
+    let (kernel, variables, reason) = match &arms.undecided {
+        Some(doubt @ PointDoubt::Kernel { dimension, variables }) => (
+            *dimension,
+            variables.clone(),
+            format!(
+                "{doubt}, to rounding. There the solutions at this parameter are not unique, or rows of H depend on each other: choose among \
+                 them by a small regularisation (ε x_j added to the rows of these variables), or drop unknowns that do not matter. Or units of \
+                 the unknowns lie so far apart that rounding hides what is regular: give `typical_sizes`"
+            ),
+        ),
+        Some(doubt) if *doubt != PointDoubt::Budget => (0, Vec::new(), format!("{doubt}; start elsewhere")),
+        _ => (
+            0,
+            Vec::new(),
+            "a limit ended the search (a stop, max_time, max_nodes, max_selections, or a kernel of more than 600 rows): raise it, or start \
+             elsewhere"
                 .to_owned(),
-        };
-    };
-    let variables = undecided.variables.clone();
-    let names: Vec<String> = variables.iter().take(NAMED).map(|j| format!("x[{j}]")).collect();
-    let more = match variables.len().saturating_sub(NAMED) {
-        0 => String::new(),
-        more => format!(" and {more} more"),
+        ),
     };
     ContinuationError::UndecidedArms {
         wanted,
         found,
-        kernel: undecided.dimension,
-        reason: format!(
-            "kernel of dimension {} along {}{more}, to rounding. There the solutions at this parameter are not unique, or rows of H depend on \
-             each other: choose among them by a small regularisation (ε x_j added to the rows of these variables), or drop unknowns that do not matter. Or \
-             units of the unknowns lie so far apart that rounding hides what is regular: give `typical_sizes`",
-            undecided.dimension,
-            names.join(", ")
-        ),
+        kernel,
         variables,
+        reason,
     }
 }
 
@@ -267,10 +262,16 @@ pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     x: &[f64],
     options: &ContinuationOptions,
-) -> Result<(Vec<Arm>, bool), ContinuationError> {
+) -> Result<PointAnalysis, ContinuationError> {
     let mut curve = Curve::prepare(map, x, options.clone(), Box::new(solver()))?;
-    let arms = curve.erased_mut().arms_here()?;
-    Ok((arms.list, arms.complete))
+    let curve = curve.erased_mut();
+    let mut arms = curve.arms_of_start()?;
+    let analysis = PointAnalysis::new(&mut arms);
+    curve.map.unscale_arms(&mut arms.list);
+    Ok(PointAnalysis {
+        arms: arms.list,
+        ..analysis
+    })
 }
 
 /// Starts of any type as slices.
@@ -318,11 +319,10 @@ impl<'a> Curve<'a> {
         Ok(())
     }
 
-    fn arms_here(&mut self) -> Result<Arms, ContinuationError> {
+    /// All arms at the start, in scaled variables.
+    pub(super) fn arms_of_start(&mut self) -> Result<Arms, ContinuationError> {
         let vanishing = self.met_here()?;
-        let mut arms = self.all_arms(&vanishing)?;
-        self.map.unscale_arms(&mut arms.list);
-        Ok(arms)
+        self.all_arms(&vanishing)
     }
 
     /// The vanishing test functions at a start. One that does not vanish to rounding counts only if a curve across its facet passes as
@@ -437,7 +437,7 @@ fn prepared<'a, 'b>(
 }
 
 /// A curve from x, which lies on it.
-fn prepared_on<'a, 'b>(
+pub(super) fn prepared_on<'a, 'b>(
     map: &'b dyn PiecewiseSmooth,
     x: &[f64],
     options: ContinuationOptions,

@@ -3,23 +3,20 @@
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
-use super::arc::{Arc, FLAT, kind_of, kind_of_slots, reversed};
+use super::arc::{Arc, kind_of_slots, reversed};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::split::Stretch;
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::clock::Clock;
 use crate::continuation::engine::Curve;
-use crate::continuation::start::{slices, solver};
+use crate::continuation::point::{Arms, kind_of};
+use crate::continuation::start::{prepared_on, slices, solver};
 use crate::continuation::{
     Arm, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
 };
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseSmooth, Scaled};
-use crate::sparse::{distance, norm};
-
-/// Arms of one vertex closer than this are one; at singular points tangents carry only half of the digits.
-const SAME_ARM: f64 = 1e-4;
-const SAME_ARM_SINGULAR: f64 = 1e-2;
+use crate::sparse::{distance, dot, norm};
 
 /// Progress of an exploration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,6 +94,9 @@ impl Diagram {
     }
 }
 
+/// Cosine of the angle up to which the nearest arm of a vertex may be the one with a given tangent: that of a right angle by far.
+const NEAR: f64 = 0.5;
+
 /// Sees every event of an exploration, and may stop it.
 pub(super) type Observer<'o> = &'o mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>;
 
@@ -166,27 +166,19 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         if self.diagram.split_at(self.map, &x)? {
             return Ok(());
         }
-        let vanishing = curve.vanishing_here(&[]);
-        let arms = curve.all_arms(&vanishing)?;
-        let straight = match arms.list.as_slice() {
-            [a, b] => {
-                let opposite: Vec<f64> = b.tangent.iter().map(|t| -t).collect();
-                distance(&a.tangent, &opposite) < SAME_ARM
-            }
-            _ => false,
-        };
-        let kind = match arms.list.as_slice() {
-            _ if straight => VertexKind::Start,
-            [a, _, _, ..] if curve.is_singular_here(&a.selection)? => VertexKind::BranchPoint,
-            list => kind_of(list),
-        };
-        let arms_complete = arms.complete;
+        let arms = curve.arms_of_start()?;
+        let mut kind = kind_of(&arms.list);
+        if let (VertexKind::PassThrough, [a, b]) = (kind, arms.list.as_slice())
+            && a.selection == b.selection
+        {
+            kind = VertexKind::Start;
+        }
         let v = self.add_vertex(DiagramVertex {
             x,
             kind,
             is_start: true,
+            complete: arms.complete,
             arms: arms.list.into_iter().map(VertexArm::new).collect(),
-            complete: arms_complete,
         });
         // Both directions of the start come first: later curves must not pass it unnoticed.
         let ends = (0..self.diagram.vertices[v].arms.len()).map(|arm| EdgeEnd { vertex: v, arm });
@@ -246,11 +238,11 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
     fn leaves_range(&self, end: EdgeEnd) -> bool {
         let vertex = &self.diagram.vertices[end.vertex];
         let (lower, upper) = self.diagram.range;
-        let rate = vertex.arms[end.arm].arm.tangent.last().copied().unwrap_or(0.0);
+        let direction = vertex.arms[end.arm].arm.direction;
         let near = |bound: f64| {
             bound.is_finite() && (vertex.parameter() - bound).abs() <= 1e-12 * (1.0 + bound.abs())
         };
-        (near(upper) && rate > FLAT) || (near(lower) && rate < -FLAT)
+        (near(upper) && direction > 0) || (near(lower) && direction < 0)
     }
 
     /// Follows a curve from a vertex until it ends or reaches a known vertex or edge.
@@ -314,7 +306,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
                     let meeting = Meeting {
                         x: &t.x,
                         kind: None,
-                        incoming: reversed(&point),
+                        incoming: t.arrival.clone(),
                         others: &t.arms,
                         followed: t.followed,
                         complete: t.complete,
@@ -326,8 +318,8 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
                     point.arclength -= arc.base;
                     let meeting = Meeting {
                         x: &b.point.x,
-                        kind: Some(VertexKind::BranchPoint),
-                        incoming: reversed(&point),
+                        kind: (b.arms.len() > 1).then_some(VertexKind::BranchPoint),
+                        incoming: b.arrival.clone(),
                         others: &b.arms,
                         followed: b.followed,
                         complete: b.complete,
@@ -346,25 +338,30 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
 
     /// Ends the current arc at a vertex; gives the arm on which the curve continues, unless its edge is known.
     fn meet(&mut self, arc: &mut Arc, point: Point, meeting: Meeting<'_>) -> Option<EdgeEnd> {
-        let singular = meeting.kind == Some(VertexKind::BranchPoint);
         let size = 1.0 + norm(meeting.x);
         let known = self.diagram.vertex_near(meeting.x);
         // Facets that vanish within rounding of each other are met one after the other: one vertex.
         if known == Some(arc.from.vertex) && point.arclength <= 4.0 * self.options.same_point * size {
             return self.meet_again(arc.from, &meeting);
         }
-        let v = match known {
-            Some(v) => v,
-            None => self.add_vertex(DiagramVertex {
-                x: meeting.x.to_vec(),
-                kind: VertexKind::Start,
-                is_start: false,
-                arms: Vec::new(),
-                complete: meeting.complete,
-            }),
+        let (v, incoming, others) = match known {
+            Some(v) => {
+                let incoming = self.slot_of_arrival(v, arc, &point, &meeting.incoming);
+                let others = meeting.others.iter().map(|a| self.slot(v, a, a.probe.as_slice()));
+                (v, incoming, others.collect::<Vec<usize>>())
+            }
+            None => {
+                let arms = std::iter::once(&meeting.incoming).chain(meeting.others);
+                let v = self.add_vertex(DiagramVertex {
+                    x: meeting.x.to_vec(),
+                    kind: VertexKind::Start,
+                    is_start: false,
+                    arms: arms.cloned().map(VertexArm::new).collect(),
+                    complete: meeting.complete,
+                });
+                (v, 0, (1..=meeting.others.len()).collect())
+            }
         };
-        let incoming = self.slot(v, &meeting.incoming, singular);
-        let others: Vec<usize> = meeting.others.iter().map(|a| self.slot(v, a, singular)).collect();
         let vertex = &mut self.diagram.vertices[v];
         vertex.kind = match meeting.kind {
             Some(kind) => kind,
@@ -417,7 +414,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             let arm = if k == first {
                 end.arm
             } else {
-                self.slot(v, other, false)
+                self.slot(v, other, &other.probe)
             };
             if Some(k) != meeting.followed {
                 self.pending.push_back(EdgeEnd { vertex: v, arm });
@@ -430,20 +427,36 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         meeting.followed.map(|_| end)
     }
 
-    /// The arm of a vertex nearest to `arm`, added if there is none.
-    fn slot(&mut self, v: usize, arm: &Arm, singular: bool) -> usize {
+    /// The arm of a vertex that is this one, added if there is none: the nearest by a point at the distance of the corrected points of its
+    /// arms, or else by the tangents.
+    fn slot(&mut self, v: usize, arm: &Arm, point: &[f64]) -> usize {
         let vertex = &mut self.diagram.vertices[v];
-        let singular = singular || vertex.kind == VertexKind::BranchPoint;
-        let reach = if singular { SAME_ARM_SINGULAR } else { SAME_ARM };
-        let far = |k: &usize| distance(&vertex.arms[*k].arm.tangent, &arm.tangent);
+        let far = |k: &usize| {
+            let own = &vertex.arms[*k].arm;
+            match point {
+                [] => distance(&own.tangent, &arm.tangent),
+                _ if own.probe.is_empty() => distance(&own.tangent, &arm.tangent),
+                point => distance(&own.probe, point) / distance(&own.probe, &vertex.x),
+            }
+        };
         let nearest = (0..vertex.arms.len()).min_by(|i, j| far(i).total_cmp(&far(j)));
-        match nearest.filter(|k| far(k) < reach) {
+        let ahead = |k: &usize| dot(&vertex.arms[*k].arm.tangent, &arm.tangent) > NEAR;
+        match nearest.filter(ahead) {
             Some(k) => k,
             None => {
                 vertex.arms.push(VertexArm::new(arm.clone()));
                 vertex.arms.len() - 1
             }
         }
+    }
+
+    /// The arm of a known vertex along which an arc arrives.
+    fn slot_of_arrival(&mut self, v: usize, arc: &Arc, point: &Point, incoming: &Arm) -> usize {
+        let vertex = &self.diagram.vertices[v];
+        let probe = vertex.arms.iter().map(|a| &a.arm.probe).find(|p| !p.is_empty());
+        let radius = probe.map_or(0.0, |p| distance(p, &vertex.x));
+        let behind = (radius > 0.0).then(|| behind(self.map, arc, point, radius)).flatten();
+        self.slot(v, incoming, &behind.unwrap_or_default())
     }
 
     /// Stores an arc as an edge; `false` if it arrives along an arm that has one.
@@ -519,17 +532,42 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         };
         let v = match self.diagram.vertex_near(&point.x) {
             Some(v) => v,
-            None => self.add_vertex(DiagramVertex {
-                x: point.x.clone(),
-                kind,
-                is_start: false,
-                arms: Vec::new(),
-                complete: true,
-            }),
+            None => self.vertex_at_end(&point, kind),
         };
-        let arm = self.slot(v, &reversed(&point), false);
+        let arm = self.slot_of_arrival(v, &arc, &point, &reversed(&point));
         self.close(&mut arc, EdgeEnd { vertex: v, arm });
         self.stopped_at(v, termination, failure);
+        for arm in 0..self.diagram.vertices[v].arms.len() {
+            self.pending.push_back(EdgeEnd { vertex: v, arm });
+        }
+    }
+
+    /// A vertex where a curve ends. At a bound of the parameter more may happen than that the curve leaves the range: then all arms of the
+    /// point belong to it.
+    fn vertex_at_end(&mut self, point: &Point, kind: VertexKind) -> usize {
+        let mut vertex = DiagramVertex {
+            x: point.x.clone(),
+            kind,
+            is_start: false,
+            arms: Vec::new(),
+            complete: true,
+        };
+        if kind == VertexKind::Bound
+            && let Ok(arms) = self.arms_at_bound(&point.x)
+        {
+            let found = kind_of(&arms.list);
+            vertex.complete = arms.complete;
+            if found != VertexKind::PassThrough {
+                vertex.kind = found;
+                vertex.arms = arms.list.into_iter().map(VertexArm::new).collect();
+            }
+        }
+        self.add_vertex(vertex)
+    }
+
+    fn arms_at_bound(&self, x: &[f64]) -> Result<Arms, ContinuationError> {
+        let mut curve = prepared_on(self.map, x, self.options.continuation.clone())?;
+        curve.erased_mut().arms_of_start()
     }
 
     fn stopped_at(&mut self, vertex: usize, termination: Termination, failure: Option<ContinuationError>) {
@@ -547,11 +585,23 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
     }
 }
 
+/// The point of an arc at a distance before its end.
+fn behind(map: &dyn PiecewiseSmooth, arc: &Arc, end: &Point, radius: f64) -> Option<Vec<f64>> {
+    let last = arc.points.iter().rev().find(|p| distance(&p.x, &end.x) > 0.0)?;
+    let length = distance(&last.x, &end.x);
+    if length <= radius {
+        return Some(last.x.clone());
+    }
+    let mut corrector = MoorePenrose::new(map, solver()).ok()?;
+    let found = Stretch::new(last, end)?.at(map, &mut corrector, 1.0 - radius / length).ok()??;
+    Some(found.0)
+}
+
 /// The sign of det ∇_yH halfway between neighbouring points of a curve; `None` where it is not known.
 fn sign_between(map: &dyn PiecewiseSmooth, a: &Point, b: &Point) -> Option<i8> {
     let mut corrector = MoorePenrose::new(map, solver()).ok()?;
     let (_, t) = Stretch::new(a, b)?.at(map, &mut corrector, 0.5).ok()??;
-    let vertical = t.last().is_some_and(|t| t.abs() <= FLAT);
+    let vertical = t.last().is_some_and(|t| t.abs() <= 1e-7);
     corrector.det_sign().map(|s| if vertical { 0 } else { s })
 }
 

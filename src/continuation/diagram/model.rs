@@ -97,6 +97,8 @@ pub enum VertexKind {
     End,
     /// No arm: an isolated solution.
     Isolated,
+    /// A continuum of two or more dimensions contains the point.
+    Continuum,
     /// The curve leaves the range of the parameter.
     Bound,
     /// The curve was not followed further.
@@ -116,6 +118,7 @@ impl VertexKind {
             Self::BranchPoint => "branch point",
             Self::End => "end",
             Self::Isolated => "isolated",
+            Self::Continuum => "continuum",
             Self::Bound => "bound",
             Self::Limit(t) => t.name(),
         }

@@ -37,7 +37,10 @@ impl Diagram {
             .for_each(convert);
         for vertex in &mut self.vertices {
             position(&mut vertex.x);
-            vertex.arms.iter_mut().for_each(|a| direction(&mut a.arm.tangent));
+            for a in &mut vertex.arms {
+                direction(&mut a.arm.tangent);
+                position(&mut a.arm.probe);
+            }
         }
     }
 }

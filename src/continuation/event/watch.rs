@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::arms::UNEXPLAINED;
+use crate::continuation::point::search::UNEXPLAINED;
 use super::singular::ZERO_DETERMINANT;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;

@@ -202,23 +202,19 @@ impl Curve<'_> {
                 to: after.piece(site),
             })
             .collect();
-        let arm = crate::continuation::Arm {
-            selection: after.clone(),
-            tangent: tangent.to_vec(),
-            grazing: Vec::new(),
-        };
-        let arms = crate::continuation::event::arms::Arms {
+        let arm = crate::continuation::Arm::along(after.clone(), tangent.to_vec(), Vec::new(), None);
+        let mut arms = crate::continuation::point::Arms {
             list: vec![arm],
             complete: false,
             ..Default::default()
         };
         // The point, and so the tangent, is known to a few smallest steps only.
-        let kind = kind(
-            &self.here.t,
-            arms.list.first(),
-            &arms,
-            REACH * self.options.min_step,
-        );
+        let sign = |t: &[f64]| match t.last() {
+            Some(rate) if rate.abs() > REACH * self.options.min_step => rate.signum() as i8,
+            _ => 0,
+        };
+        arms.list[0].direction = sign(tangent);
+        let kind = kind(sign(&self.here.t), arms.list.first(), &arms);
         let record = Transition {
             x: self.here.x.clone(),
             tangent_before: self.here.t.clone(),
@@ -230,6 +226,12 @@ impl Curve<'_> {
             vanishing: vanishing.iter().map(|v| v.index).collect(),
             kind,
             arms: arms.list,
+            arrival: crate::continuation::Arm::along(
+                before.clone(),
+                self.here.t.iter().map(|t| -t).collect(),
+                Vec::new(),
+                self.here.det_sign,
+            ),
             followed: Some(0),
             complete: false,
             det_sign: None,

@@ -1,8 +1,10 @@
-//! The arms of the solution set at a point: for each active selection the kernel of its Jacobian, kept where it points into the
-//! selection's cell.
+//! The arms of the solution set at a point: those of each active selection that stay in its cell.
 
-use super::branching::{MAX_BRANCHING, UndecidedKernel};
+use super::cone::{Cone, cone};
+use super::extension::Frame;
+use super::large::MAX_BRANCHING;
 use super::units::Units;
+use super::{Found, InCell, PointDoubt, in_cell};
 use crate::clock::Deadline;
 use crate::continuation::engine::{Curve, Solver};
 use crate::continuation::{Arm, ContinuationError, ContinuationOptions};
@@ -12,11 +14,9 @@ use crate::newton::MoorePenrose;
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing,
 };
-use crate::sparse::{distance, norm};
+use crate::sparse::norm;
 use crate::spread::centred;
 
-/// Two unit tangents closer than this, also in the units of ∇H, are one arm.
-const SAME_ARM: f64 = 1e-7;
 /// Singular values below this, relative to the largest, count as zero in the branching equation.
 pub(in crate::continuation) const RANK: f64 = 1e-9;
 /// Ratio of a test function's value to what its rates account for, above which the value is a rounding error.
@@ -78,20 +78,33 @@ fn gradient_sizes<P: PiecewiseSmooth + ?Sized>(
 #[derive(Debug, Clone, Default)]
 pub(in crate::continuation) struct Arms {
     pub(in crate::continuation) list: Vec<Arm>,
+    /// Dimensions of continua through the point.
+    pub(in crate::continuation) continua: Vec<usize>,
     /// Whether every active selection was examined and the arms in its kernel were determined.
     pub(in crate::continuation) complete: bool,
-    /// The first selection for which they were not, if there is one.
-    pub(in crate::continuation) undecided: Option<UndecidedKernel>,
+    /// The first reason for which they were not, if there is one.
+    pub(in crate::continuation) undecided: Option<PointDoubt>,
 }
+
+impl Arms {
+    pub(super) fn doubt(&mut self, doubt: PointDoubt) {
+        self.complete = false;
+        self.undecided.get_or_insert(doubt);
+    }
+}
+
+/// Number of residuals up to which the extensions of selections are examined by dense decompositions.
+const DENSE: usize = 60;
 
 pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     pub(in crate::continuation) map: &'a P,
     pub(in crate::continuation) corrector: &'a mut MoorePenrose<L>,
     pub(in crate::continuation) options: &'a ContinuationOptions,
+    pub(in crate::continuation) layout: &'a TestLayout,
     pub(in crate::continuation) x: &'a [f64],
+    /// Values of the test functions at x.
+    pub(in crate::continuation) theta: &'a [f64],
     pub(in crate::continuation) vanishing: &'a [Vanishing],
-    /// Number of all test functions of the map.
-    pub(in crate::continuation) tests: usize,
     /// A selection known to be singular at (or within rounding of) x, where the computed kernel vector is arbitrary.
     pub(in crate::continuation) singular: Option<Selection>,
     pub(in crate::continuation) deadline: Deadline<'a>,
@@ -99,6 +112,16 @@ pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     pub(in crate::continuation) unknown: bool,
     /// Whether a kernel was found by a dense decomposition, which takes far longer than a step.
     pub(in crate::continuation) decomposed: bool,
+    pub(super) found: Vec<Found>,
+    /// Affine cells with continua: the selection, and the kernel in which the continuum lies.
+    pub(super) solids: Vec<Solid>,
+}
+
+/// A continuum in an affine cell.
+pub(super) struct Solid {
+    pub(super) selection: Selection,
+    pub(super) kernel: Vec<Vec<f64>>,
+    pub(super) dimension: usize,
 }
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
@@ -108,33 +131,38 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             complete: true,
             ..Arms::default()
         };
+        self.examine(active, &mut arms)?;
+        self.settle(&mut arms)?;
+        Ok(arms)
+    }
+
+    fn examine(&mut self, active: &ActiveSet, arms: &mut Arms) -> Result<(), PiecewiseError> {
         if active.total().is_none_or(|total| total > PLAIN) && !self.map.has_nested_kinks() {
             let limit = self.options.max_nodes;
             let found = directional_selections(&self.map, self.x, active, limit, self.deadline);
             match found {
                 Ok(Some(found)) => {
-                    arms.complete = found.complete;
-                    self.of_selections(found.selections.iter(), &mut arms)?;
+                    self.of_selections(found.selections.iter(), arms)?;
                     if !found.complete {
-                        self.locally(active, &mut arms)?;
+                        arms.doubt(PointDoubt::Budget);
+                        self.locally(active, arms)?;
                     }
-                    return Ok(arms);
+                    return Ok(());
                 }
                 // Rows that depend on several sites, or too large a table: the selections are tried one by one.
                 Ok(None) | Err(EnumerationError::TooLarge { .. }) => {}
                 Err(EnumerationError::Map(e)) => return Err(e),
-                Err(_) => arms.complete = false,
+                Err(_) => arms.doubt(PointDoubt::Budget),
             }
         }
         for (examined, selection) in active.selections().enumerate() {
             if examined as u64 == self.options.max_selections || self.is_late(examined) {
-                arms.complete = false;
-                self.locally(active, &mut arms)?;
-                break;
+                arms.doubt(PointDoubt::Budget);
+                return self.locally(active, arms);
             }
-            self.of_selection(&selection, None, &mut arms)?;
+            self.of_selection(&selection, None, arms)?;
         }
-        Ok(arms)
+        Ok(())
     }
 
     /// The arms that a local search finds, where not all selections can be examined.
@@ -162,8 +190,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     ) -> Result<(), PiecewiseError> {
         for (examined, selection) in selections.enumerate() {
             // Each is compared with the arms that were found before.
-            if self.is_late(examined.max(arms.list.len())) {
-                arms.complete = false;
+            if self.is_late(examined.max(self.found.len())) {
+                arms.doubt(PointDoubt::Budget);
                 break;
             }
             self.of_selection(selection, None, arms)?;
@@ -176,18 +204,21 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         (examined as u128 >= PLAIN || self.decomposed) && self.deadline.is_over()
     }
 
-    /// The arms of one selection, appended to `arms`.
+    /// The arms of one selection, appended to those found.
     pub(in crate::continuation) fn of_selection(
         &mut self,
         selection: &Selection,
         hint: Option<&[f64]>,
         arms: &mut Arms,
     ) -> Result<(), PiecewiseError> {
+        if !self.map.is_piecewise_affine() && self.map.num_residuals() <= DENSE {
+            return self.in_cell(selection, arms);
+        }
         if self.singular.as_ref() == Some(selection)
             && let Ok(directions) = self.branching_directions(selection)?
         {
             for d in &directions {
-                self.both_ways(selection, d, arms);
+                self.both_ways(selection, d);
             }
             return Ok(());
         }
@@ -197,7 +228,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         match self.corrector.linearize(self.map, selection, self.x, hint) {
             Ok(tangent) => {
                 let tangent = tangent.to_vec();
-                self.both_ways(selection, &tangent, arms);
+                self.both_ways(selection, &tangent);
                 Ok(())
             }
             Err(PiecewiseError::Linear(LinearError::Kernel { .. } | LinearError::Singular { .. })) => {
@@ -207,63 +238,148 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         }
     }
 
+    /// The only arm of a selection that is regular at x, if it crosses the facets that meet here transversally.
+    pub(in crate::continuation) fn regular_arm(
+        &mut self,
+        selection: &Selection,
+        hint: &[f64],
+    ) -> Result<Option<Arm>, PiecewiseError> {
+        match self.corrector.linearize(self.map, selection, self.x, Some(hint)) {
+            Ok(tangent) => {
+                let tangent = tangent.to_vec();
+                self.both_ways(selection, &tangent);
+            }
+            Err(PiecewiseError::Linear(_)) => return Ok(None),
+            Err(e) => return Err(e),
+        }
+        let mut arm = match self.found.as_slice() {
+            [found] if found.facets.is_empty() => found.arm.clone(),
+            _ => return Ok(None),
+        };
+        arm.det_sign = match arm.direction {
+            0 => Some(0),
+            direction => self.corrector.orientation(&arm.tangent).map(|o| o * direction),
+        };
+        Ok(Some(arm))
+    }
+
+    /// The arms of a selection by expansions to higher order.
+    fn in_cell(&mut self, selection: &Selection, arms: &mut Arms) -> Result<(), PiecewiseError> {
+        let vanishing: Vec<usize> = self.vanishing.iter().map(|v| v.index).collect();
+        // As far as the facets that meet here are from x, x is from the point where they meet.
+        let off = |v: &Vanishing| self.theta[v.index].abs() / v.gradient_norm;
+        let off = self.vanishing.iter().map(off).filter(|off| off.is_finite()).fold(0.0, f64::max);
+        let frame = Frame {
+            map: &self.map,
+            x: self.x,
+            vanishing: &vanishing,
+            tests: self.layout.total(),
+            off,
+        };
+        match in_cell(&frame, self.layout, selection)? {
+            InCell::Arms(found) => self.found.extend(found),
+            InCell::Undecided(doubt) => arms.doubt(doubt),
+        }
+        Ok(())
+    }
+
     /// The arms of a selection that is singular at x, if its branching equation determines them.
     fn at_singular_point(&mut self, selection: &Selection, arms: &mut Arms) -> Result<(), PiecewiseError> {
         match self.branching_directions(selection)? {
             Ok(directions) => {
                 for d in &directions {
-                    self.both_ways(selection, d, arms);
+                    self.both_ways(selection, d);
                 }
             }
-            Err(undecided) => {
-                arms.complete = false;
-                arms.undecided = arms.undecided.take().or(undecided);
+            Err(kernel) if self.map.is_piecewise_affine() && !kernel.is_empty() => {
+                self.in_affine_cell(selection, kernel, arms);
             }
+            Err(kernel) => arms.doubt(PointDoubt::kernel(&kernel, &vec![1.0; self.x.len()])),
         }
         Ok(())
     }
 
-    fn both_ways(&self, selection: &Selection, tangent: &[f64], arms: &mut Arms) {
-        let mut units = Units::new(self.map, selection, self.x);
-        for sign in [1.0, -1.0] {
-            let direction: Vec<f64> = tangent.iter().map(|t| sign * t).collect();
-            let Some(grazing) = self.enters(selection, &direction) else {
+    /// The part of the kernel of an affine piece in its cell.
+    fn in_affine_cell(&mut self, selection: &Selection, kernel: Vec<Vec<f64>>, arms: &mut Arms) {
+        let mut normals = Vec::new();
+        for v in self.vanishing {
+            let own = v.of_selection(self.map, self.layout, selection, self.x);
+            let rates: Vec<f64> = kernel.iter().map(|d| own.rate(d)).collect();
+            let size = norm(&rates);
+            // A facet that contains the kernel bounds nothing.
+            if size <= RANK * own.gradient_norm {
                 continue;
-            };
-            let arm = Arm {
-                selection: selection.clone(),
-                tangent: direction,
-                grazing,
-            };
-            let mut is_same = |a: &Arm| {
-                distance(&a.tangent, &arm.tangent) < SAME_ARM
-                    && units.are_near(&a.tangent, &arm.tangent, SAME_ARM)
-            };
-            let same = arms.list.iter_mut().find(|a| is_same(a));
-            match same {
-                Some(known) if known.grazing.len() > arm.grazing.len() => *known = arm,
-                Some(_) => {}
-                None => arms.list.push(arm),
             }
+            for facet in self.map.cell(v.site, selection.piece(v.site)).iter().filter(|f| f.test() == v.test) {
+                normals.push(rates.iter().map(|r| facet.sign() * r / size).collect());
+            }
+        }
+        match cone(kernel.len(), &normals) {
+            Cone::Rays(rays) => {
+                for ray in rays {
+                    let mut direction = vec![0.0; self.x.len()];
+                    for (basis, c) in kernel.iter().zip(&ray) {
+                        direction.iter_mut().zip(basis).for_each(|(d, b)| *d += c * b);
+                    }
+                    self.one_way(selection, direction);
+                }
+            }
+            Cone::Solid(dimension) => self.solids.push(Solid {
+                selection: selection.clone(),
+                kernel,
+                dimension,
+            }),
+            Cone::Large => arms.doubt(PointDoubt::Budget),
         }
     }
 
-    /// Whether a direction leads into the closed cell of a selection; if so, the sites in whose boundary it stays.
+    fn both_ways(&mut self, selection: &Selection, tangent: &[f64]) {
+        for sign in [1.0, -1.0] {
+            self.one_way(selection, tangent.iter().map(|t| sign * t).collect());
+        }
+    }
+
+    fn one_way(&mut self, selection: &Selection, tangent: Vec<f64>) {
+        let Some(facets) = self.enters(selection, &tangent) else {
+            return;
+        };
+        let mut units = Units::new(self.map, selection, self.x);
+        let direction = units.direction(&tangent);
+        let unit = units.unit_along(&tangent);
+        let mut grazing: Vec<usize> = facets.iter().map(|&k| self.layout.locate(k).0).collect();
+        grazing.dedup();
+        self.found.push(Found {
+            arm: Arm {
+                selection: selection.clone(),
+                tangent,
+                grazing,
+                direction,
+                det_sign: None,
+                probe: Vec::new(),
+            },
+            facets,
+            arc: None,
+            unit,
+        });
+    }
+
+    /// Whether a direction leads into the closed cell of a selection; if so, the test functions in whose zero sets it stays.
     fn enters(&self, selection: &Selection, direction: &[f64]) -> Option<Vec<usize>> {
         const AHEAD: f64 = 1e-4;
+        let tests = self.layout.total();
         let (mut own, mut sizes) = (Vec::new(), Vec::new());
         if self.map.has_nested_kinks() {
-            own.resize(self.tests, 0.0);
+            own.resize(tests, 0.0);
             self.map
                 .tests_of_selection(selection, self.x, Some(direction), &mut own);
-            sizes = gradient_sizes(self.map, selection, self.x, self.tests);
+            sizes = gradient_sizes(self.map, selection, self.x, tests);
         }
         let curved = !self.vanishing.is_empty() && !self.map.is_piecewise_affine();
         let (mut step, mut theta, mut rates) = (0.0, Vec::new(), Vec::new());
         if curved {
             step = AHEAD * (1.0 + norm(self.x));
-            theta.resize(self.tests, 0.0);
-            rates.resize(self.tests, 0.0);
+            theta.resize(tests, 0.0);
+            rates.resize(tests, 0.0);
             let ahead: Vec<f64> = self.x.iter().zip(direction).map(|(x, d)| x + step * d).collect();
             self.map.tests_of_selection(selection, &ahead, None, &mut theta);
             self.map
@@ -292,8 +408,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                 if leaves {
                     return None;
                 }
-                if (flat || rate <= least) && !grazing.contains(&v.site) {
-                    grazing.push(v.site);
+                if (flat || rate <= least) && !grazing.contains(&v.index) {
+                    grazing.push(v.index);
                 }
             }
         }
@@ -355,13 +471,16 @@ impl<'a> Curve<'a> {
             map: &self.map,
             corrector: &mut self.corrector,
             options: &self.options,
+            layout: &self.layout,
             x: &self.here.x,
+            theta: &self.here.theta,
             vanishing,
-            tests: self.layout.total(),
             singular: None,
             unknown: false,
             deadline: Self::deadline(self.clock, &self.options, self.over.as_ref()),
             decomposed: false,
+            found: Vec::new(),
+            solids: Vec::new(),
         }
     }
 }

@@ -1,0 +1,103 @@
+//! The arms that lie in the cell of one selection.
+
+use super::arc::{Arc, leading};
+use super::extension::{Extension, Frame};
+use super::reduced::Reduced;
+use super::{Found, PointDoubt};
+use crate::continuation::Arm;
+use crate::piecewise::{Facet, PiecewiseError, Selection, TestLayout};
+use crate::sparse::{dot, norm};
+
+/// What a selection contributes to a point.
+pub(super) enum InCell {
+    Arms(Vec<Found>),
+    Undecided(PointDoubt),
+}
+
+/// The arms of a selection at the point of the frame, by the expansions of its arms in its switching functions.
+///
+/// # Errors
+/// Entries outside the pattern, values that are not finite.
+pub(super) fn in_cell(
+    frame: &Frame<'_>,
+    layout: &TestLayout,
+    selection: &Selection,
+) -> Result<InCell, PiecewiseError> {
+    let mut extension = Extension::new(frame, selection)?;
+    let found = inside(&extension, layout);
+    let Some(other) = extension.doubtful_rank() else {
+        return Ok(found);
+    };
+    // Rounding does not tell the two ranks apart: the point is decided only if both give the same arms.
+    extension.rank = other;
+    Ok(match (found, inside(&extension, layout)) {
+        (InCell::Arms(a), InCell::Arms(b)) if agree(&a, &b) => InCell::Arms(a),
+        (InCell::Undecided(doubt), _) => InCell::Undecided(doubt),
+        _ => InCell::Undecided(PointDoubt::Rank),
+    })
+}
+
+fn agree(a: &[Found], b: &[Found]) -> bool {
+    let same = |p: &&Found, q: &Found| p.arm.direction == q.arm.direction && dot(&p.arm.tangent, &q.arm.tangent) > 0.5;
+    a.len() == b.len() && a.iter().all(|p| b.iter().filter(|q| same(&p, q)).count() == 1)
+}
+
+fn inside(extension: &Extension<'_>, layout: &TestLayout) -> InCell {
+    let arms = match extension.reduced() {
+        Reduced::Arms(arms) => arms,
+        Reduced::Degenerate => return InCell::Undecided(PointDoubt::Order),
+        Reduced::Large => {
+            return InCell::Undecided(PointDoubt::kernel(extension.kernel(), &extension.units));
+        }
+    };
+    let found = arms.iter().filter_map(|arcs| within(extension, layout, arcs));
+    InCell::Arms(found.collect())
+}
+
+/// The facets of the cell of a selection whose test functions vanish: place in the list of these, and facet.
+pub(super) fn facets<'f>(
+    frame: &Frame<'f>,
+    layout: &'f TestLayout,
+    selection: &'f Selection,
+) -> impl Iterator<Item = (usize, Facet)> + 'f {
+    let (map, vanishing) = (frame.map, frame.vanishing);
+    vanishing.iter().enumerate().flat_map(move |(place, &index)| {
+        let (site, test) = layout.locate(index);
+        let cell = map.cell(site, selection.piece(site)).iter();
+        cell.filter(move |f| f.test() == test).map(move |f| (place, *f))
+    })
+}
+
+/// An arm of the extension, if the first order of each switching function that does not vanish along it keeps it in the cell.
+fn within(extension: &Extension<'_>, layout: &TestLayout, arcs: &[Arc]) -> Option<Found> {
+    let frame = extension.frame;
+    let followed = extension.values(arcs);
+    let mut grazing = Vec::new();
+    for (place, facet) in facets(frame, layout, extension.selection) {
+        let (sign, _) = leading(&followed.tests[place]);
+        match f64::from(sign) * facet.sign() {
+            s if s < 0.0 => return None,
+            0.0 => grazing.push(frame.vanishing[place]),
+            _ => {}
+        }
+    }
+    grazing.dedup();
+    let (direction, _) = leading(&followed.alpha);
+    let arc = extension.unscaled(&arcs[0]);
+    let unit = norm(arc.tangent());
+    let mut sites: Vec<usize> = grazing.iter().map(|&k| layout.locate(k).0).collect();
+    sites.dedup();
+    Some(Found {
+        arm: Arm {
+            selection: extension.selection.clone(),
+            tangent: arc.tangent().iter().map(|t| t / unit).collect(),
+            grazing: sites,
+            direction,
+            det_sign: None,
+            probe: Vec::new(),
+        },
+        facets: grazing,
+        arc: Some(arc),
+        unit,
+    })
+}

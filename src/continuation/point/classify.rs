@@ -1,0 +1,18 @@
+//! What a point is, by its arms and the direction of α on each.
+
+use crate::continuation::{Arm, VertexKind};
+
+/// The kind of a point from which exactly these arms leave.
+pub(in crate::continuation) fn kind_of(arms: &[Arm]) -> VertexKind {
+    match arms {
+        [] => VertexKind::Isolated,
+        [_] => VertexKind::End,
+        [a, b] => match (a.direction, b.direction) {
+            (0, 0) => VertexKind::PassThrough,
+            (0, _) | (_, 0) => VertexKind::Vertical,
+            (a, b) if a == b => VertexKind::Fold,
+            _ => VertexKind::PassThrough,
+        },
+        _ => VertexKind::Branching,
+    }
+}
