@@ -1,6 +1,7 @@
 mod dual;
 mod exact;
 mod expansions;
+mod interval;
 mod series;
 
 use std::borrow::Cow;
@@ -9,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use num_dual::Dual64;
 
+use self::expansions::Expanded;
 use super::trace::{LABELS, Labels, lacking, members, ordinary_point, structure};
 use super::{ExactPieces, Expansions, Facet, PiecewiseSmooth, Real, Selection};
 use crate::sparse::{Coloring, Matrix, Pattern};
@@ -497,7 +499,7 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
     }
 
     fn expansions(&self) -> Option<Box<dyn Expansions + '_>> {
-        Some(Box::new(self))
+        Some(Box::new(Expanded(self)))
     }
 
     fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {

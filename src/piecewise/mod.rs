@@ -18,7 +18,7 @@ mod elements;
 mod error;
 mod essential;
 mod exact_pieces;
-mod expansion;
+pub(crate) mod expansion;
 mod hull;
 mod implicit;
 mod index;

@@ -308,4 +308,42 @@ impl Expansions for ScaledExpansions<'_> {
         let arc: Vec<&[f64]> = arc.iter().map(Vec::as_slice).collect();
         self.map.along(selection, &arc, residual, tests);
     }
+
+    fn jacobian_within(
+        &self,
+        selection: &Selection,
+        centre: &[f64],
+        radius: &[f64],
+        jacobian: &mut [(f64, f64)],
+        tests: &mut [(f64, f64)],
+    ) -> bool {
+        let (centre, radius) = (self.unscaled(centre), self.unscaled(radius));
+        let known = self
+            .map
+            .jacobian_within(selection, &centre, &radius, jacobian, tests);
+        for row in [jacobian, tests]
+            .into_iter()
+            .flat_map(|m| m.chunks_exact_mut(self.sizes.len()))
+        {
+            // Powers of two: nothing is rounded.
+            for (entry, size) in row.iter_mut().zip(self.sizes) {
+                *entry = (entry.0 * size, entry.1 * size);
+            }
+        }
+        known
+    }
+
+    fn derivatives_within(
+        &self,
+        selection: &Selection,
+        centre: &[f64],
+        radius: &[f64],
+        direction: &[f64],
+        residual: &mut [(f64, f64)],
+        tests: &mut [(f64, f64)],
+    ) -> bool {
+        let [centre, radius, direction] = [centre, radius, direction].map(|z| self.unscaled(z));
+        self.map
+            .derivatives_within(selection, &centre, &radius, &direction, residual, tests)
+    }
 }
