@@ -1,5 +1,8 @@
 mod dual;
 mod exact;
+mod expansions;
+mod interval;
+mod series;
 
 use std::borrow::Cow;
 
@@ -7,8 +10,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use num_dual::Dual64;
 
+use self::expansions::Expanded;
 use super::trace::{LABELS, Labels, lacking, members, ordinary_point, structure};
-use super::{ExactPieces, Facet, PiecewiseSmooth, Real, Selection};
+use super::{ExactPieces, Expansions, Facet, PiecewiseSmooth, Real, Selection};
 use crate::sparse::{Coloring, Matrix, Pattern};
 
 /// A nonsmooth function written once over [`Real`], its kinks expressed through [`Kinks`]. [`Traced`] turns it into a
@@ -84,16 +88,11 @@ impl Kind {
 }
 
 #[derive(Debug)]
-enum Mode<'a> {
+enum Mode<'a, T> {
     Record(&'a mut Vec<Kind>),
-    Frozen(&'a Selection),
-    Natural(&'a mut [f64]),
-    /// The derivatives of the test functions.
-    Slopes(&'a mut [f64]),
-    /// The test functions of a selection.
-    FrozenTests(&'a Selection, &'a mut [f64]),
-    /// Their derivatives.
-    FrozenSlopes(&'a Selection, &'a mut [f64]),
+    /// The pieces of a selection, or where there is none those that the test functions choose. As many test functions are written down
+    /// as there is room for.
+    Pieces(Option<&'a Selection>, &'a mut [T]),
     /// All pieces at once.
     Joined,
     /// Every kink as an unknown.
@@ -110,19 +109,17 @@ enum Mode<'a> {
 /// The kinks of a [`NonsmoothFunction`], in the order in which they are called.
 #[derive(Debug)]
 pub struct Kinks<'a, T> {
-    mode: Mode<'a>,
+    mode: Mode<'a, T>,
     site: usize,
     test: usize,
-    scalar: std::marker::PhantomData<T>,
 }
 
 impl<'a, T: Real> Kinks<'a, T> {
-    fn new(mode: Mode<'a>) -> Self {
+    fn new(mode: Mode<'a, T>) -> Self {
         Self {
             mode,
             site: 0,
             test: 0,
-            scalar: std::marker::PhantomData,
         }
     }
 
@@ -138,32 +135,14 @@ impl<'a, T: Real> Kinks<'a, T> {
         self.site += 1;
         self.test += kind.tests();
         let tests = &tests[..kind.tests()];
-        let write = |out: &mut [f64], value: fn(&T) -> f64| {
-            for (o, t) in out.iter_mut().skip(test).zip(tests) {
-                *o = value(t);
-            }
-        };
         let piece = match &mut self.mode {
             Mode::Record(kinds) => {
                 kinds.push(kind);
                 natural()
             }
-            Mode::Frozen(selection) => selection.piece(site),
-            Mode::Natural(out) => {
-                write(out, T::value);
-                natural()
-            }
-            Mode::Slopes(out) => {
-                write(out, T::slope);
-                natural()
-            }
-            Mode::FrozenTests(selection, out) => {
-                write(out, T::value);
-                selection.piece(site)
-            }
-            Mode::FrozenSlopes(selection, out) => {
-                write(out, T::slope);
-                selection.piece(site)
+            Mode::Pieces(selection, out) => {
+                out.iter_mut().skip(test).zip(tests).for_each(|(o, t)| *o = *t);
+                selection.map_or_else(natural, |s| s.piece(site))
             }
             Mode::Joined => return pieces[0].joined(&pieces, None),
             Mode::Switched => return T::switched(tests, &pieces),
@@ -380,8 +359,7 @@ impl<F: NonsmoothFunction> Traced<F> {
                 continue;
             }
             group.iter().for_each(|&j| seeded[j].eps = 1.0);
-            let mut kinks = Kinks::new(Mode::Frozen(selection));
-            self.function.eval(&seeded, &mut kinks, &mut out);
+            self.evaluate(Some(selection), &seeded, &mut out, &mut []);
             for &j in group {
                 seeded[j].eps = 0.0;
                 entries(j).for_each(|i| jac.add(i, j, out[i].eps));
@@ -389,27 +367,33 @@ impl<F: NonsmoothFunction> Traced<F> {
         }
     }
 
-    /// Derivatives of all test functions, or of those of a selection, along a direction.
-    fn test_slopes(&self, selection: Option<&Selection>, seeded: &[Dual64], out: &mut [f64]) {
-        let mut residual = vec![Dual64::from(0.0); self.num_residuals()];
-        let mut kinks = Kinks::new(match selection {
-            Some(selection) => Mode::FrozenSlopes(selection, out),
-            None => Mode::Slopes(out),
-        });
-        self.function.eval(seeded, &mut kinks, &mut residual);
+    /// Residuals and test functions of the pieces of a selection, or of those that the test functions choose: NaN where another number of
+    /// kinks is met than at first.
+    fn evaluate<T: Real>(&self, selection: Option<&Selection>, x: &[T], residual: &mut [T], tests: &mut [T]) {
+        let mut kinks = Kinks::new(Mode::Pieces(selection, &mut *tests));
+        self.function.eval(x, &mut kinks, residual);
         if kinks.site != self.kinds.len() {
-            out.fill(f64::NAN);
+            // Derivatives that the scalar carries along become NaN, too.
+            residual.iter_mut().chain(tests).for_each(|v| *v *= f64::NAN);
         }
     }
 
-    fn tests<'a>(&self, mode: impl FnOnce(&'a mut [f64]) -> Mode<'a>, x: &[f64], out: &'a mut [f64]) {
-        let mut residual = vec![0.0; self.num_residuals()];
-        let mut kinks = Kinks::new(mode(out));
-        self.function.eval(x, &mut kinks, &mut residual);
-        if kinks.site != self.kinds.len()
-            && let Mode::Natural(out) | Mode::FrozenTests(_, out) = kinks.mode
-        {
-            out.fill(f64::NAN);
+    /// The selection on which test functions depend: none where kinks are not nested.
+    fn governing<'a>(&self, selection: &'a Selection) -> Option<&'a Selection> {
+        self.nested.then_some(selection)
+    }
+
+    fn tests(&self, selection: Option<&Selection>, x: &[f64], out: &mut [f64]) {
+        self.evaluate(selection, x, &mut vec![0.0; self.num_residuals()], out);
+    }
+
+    /// Derivatives of all test functions, or of those of a selection, along a direction.
+    fn test_slopes(&self, selection: Option<&Selection>, seeded: &[Dual64], out: &mut [f64]) {
+        let mut residual = vec![Dual64::from(0.0); self.num_residuals()];
+        let mut tests = vec![Dual64::from(0.0); out.len()];
+        self.evaluate(selection, seeded, &mut residual, &mut tests);
+        for (out, test) in out.iter_mut().zip(&tests) {
+            *out = test.eps;
         }
     }
 
@@ -479,7 +463,7 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        self.tests(Mode::Natural, x, out);
+        self.tests(None, x, out);
     }
 
     fn has_nested_kinks(&self) -> bool {
@@ -497,18 +481,13 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
 
     fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
         match d {
-            Some(d) => self.test_slopes(self.nested.then_some(selection), &seeded(x, d), out),
-            None if self.nested => self.tests(|out| Mode::FrozenTests(selection, out), x, out),
-            None => self.test_functions(x, out),
+            Some(d) => self.test_slopes(self.governing(selection), &seeded(x, d), out),
+            None => self.tests(self.governing(selection), x, out),
         }
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
-        let mut kinks = Kinks::new(Mode::Frozen(selection));
-        self.function.eval(x, &mut kinks, out);
-        if kinks.site != self.kinds.len() {
-            out.fill(f64::NAN);
-        }
+        self.evaluate(Some(selection), x, out, &mut []);
     }
 
     fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
@@ -517,6 +496,10 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
 
     fn exact(&self) -> Option<&dyn ExactPieces> {
         Some(self)
+    }
+
+    fn expansions(&self) -> Option<Box<dyn Expansions + '_>> {
+        Some(Box::new(Expanded(self)))
     }
 
     fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {

@@ -65,11 +65,6 @@ pub trait Real:
     fn switched(_tests: &[Self], pieces: &[Self]) -> Self {
         pieces[0]
     }
-    /// The derivative carried along.
-    #[doc(hidden)]
-    fn slope(&self) -> f64 {
-        0.0
-    }
 }
 
 impl Real for f64 {
