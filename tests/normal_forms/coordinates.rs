@@ -110,7 +110,9 @@ impl Embedded {
         let rows = rows.collect();
         let shear = |random: &mut Random, j: usize| {
             let mut c = [0.6, 0.3, 0.4, 0.1, 0.05].map(|size| random.between(-size, size));
-            [1, 3, 4].map(|i: usize| c[i] *= bent);
+            for i in [1, 3, 4] {
+                c[i] *= bent;
+            }
             if j == 0 {
                 c[2..].fill(0.0);
             }
@@ -131,7 +133,8 @@ impl Embedded {
             further: (k..n)
                 .map(|_| {
                     let mut g = [0.5, 0.5, 0.5, 0.5, 0.2].map(|size| random.between(-size, size));
-                    [3, 4].map(|i: usize| g[i] *= bent);
+                    g[3] *= bent;
+                    g[4] *= bent;
                     g
                 })
                 .collect(),

@@ -238,7 +238,7 @@ impl<'a> Member<'a> {
             }
         }
         let flat = self.arms.iter().any(|a| a.side == 0);
-        if self.entry.vertex {
+        if self.entry.vertex && self.entry.kinds != [Kind::Continuum] {
             match diagram.solutions(&self.map, self.alpha(0.0)) {
                 Ok((_, continua)) if continua > 0 && !flat => {
                     let text = format!("{what}: {continua} vertical segments that do not exist");
@@ -337,7 +337,7 @@ impl<'a> Member<'a> {
         let limits = (self.alpha(range.0), self.alpha(range.1));
         for share in [1.0, 0.05] {
             let what = format!("curve at {share} of the default step");
-            let options = options(self.inner.alpha_unit, limits, share).with_max_points((4000.0 / share) as usize);
+            let options = options(self.inner.alpha_unit, limits, share).with_max_points((1000.0 / share) as usize);
             match folds(&self.map, start, increasing, options) {
                 Ok(folds) => {
                     let folds: Vec<Vec<f64>> = folds.iter().map(|f| self.inner.normal(f)).collect();
@@ -354,6 +354,7 @@ impl<'a> Member<'a> {
 /// Examines one member of a family in random coordinates.
 pub fn examine(entry: &Entry, random: &mut Random) -> Findings {
     let mut member = Member::new(entry, random);
+    eprint!("n {} units {:e} {:e} ", member.inner.n, member.inner.unit, member.inner.alpha_unit);
     let reach = entry.reach;
     let whole = (-reach, reach);
     if entry.vertex {

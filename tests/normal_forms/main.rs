@@ -7,6 +7,7 @@
 
 mod answer;
 mod cases;
+mod check;
 mod coordinates;
 mod forms;
 mod judge;
@@ -66,7 +67,9 @@ fn group(name: &str) {
             if one.as_ref().is_some_and(|o| *o != format!("{family}:{seed}")) {
                 continue;
             }
+            let t = std::time::Instant::now();
             let (found, codimension) = member(*draw, family, seed);
+            eprintln!("TIME {family}:{seed} {:?}", t.elapsed());
             counts.add(&found);
             // Undecided points are faults up to codimension 1, one of a hundred apart.
             allowed = if codimension > 1 { usize::MAX } else { counts.instances / 100 };
