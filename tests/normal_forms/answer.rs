@@ -1,0 +1,158 @@
+//! What the crate says of a map, in the words of the catalogue. This file alone knows the types of its answers.
+
+use semismooth::continuation::{
+    Arm, Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, VertexKind,
+    arms_at,
+};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
+
+use crate::forms::Kind;
+
+/// How sure the crate is that no arm, or no curve, is missing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Certainty {
+    /// It claims so, within a radius about the point in typical sizes.
+    Complete { radius: f64 },
+    /// It found no other and claims nothing.
+    Estimated,
+    Undecided,
+}
+
+#[derive(Clone, Debug)]
+pub struct FoundArm {
+    pub tangent: Vec<f64>,
+    pub selection: Selection,
+    /// The sign of α − α* on it, where the crate says it.
+    pub side: Option<i8>,
+}
+
+/// What the crate says of a point.
+#[derive(Clone, Debug)]
+pub struct Local {
+    pub kind: Option<Kind>,
+    pub arms: Vec<FoundArm>,
+    pub certainty: Certainty,
+}
+
+/// Why there is no answer.
+#[derive(Clone, Debug)]
+pub enum Refusal {
+    Undecided,
+    Error(String),
+}
+
+impl From<ContinuationError> for Refusal {
+    fn from(error: ContinuationError) -> Self {
+        match error {
+            ContinuationError::UndecidedArms { .. } => Self::Undecided,
+            other => Self::Error(other.to_string()),
+        }
+    }
+}
+
+/// Options in the unit of α, with steps `share` of the default ones.
+pub fn options(alpha_unit: f64, range: (f64, f64), share: f64) -> ContinuationOptions {
+    let default = ContinuationOptions::default();
+    let unit = share * alpha_unit;
+    ContinuationOptions::default()
+        .with_step(default.step * unit)
+        .with_max_step(default.max_step * unit)
+        .with_min_step((default.min_step * unit).min(default.min_step))
+        .with_max_points(1000)
+        .with_parameter_range(range)
+}
+
+fn found(arm: &Arm) -> FoundArm {
+    FoundArm {
+        tangent: arm.tangent.clone(),
+        selection: arm.selection.clone(),
+        side: None,
+    }
+}
+
+fn certainty(complete: bool) -> Certainty {
+    match complete {
+        true => Certainty::Complete { radius: f64::INFINITY },
+        false => Certainty::Undecided,
+    }
+}
+
+/// The analysis of a point.
+pub fn local(map: &dyn PiecewiseSmooth, x: &[f64], options: &ContinuationOptions) -> Result<Local, Refusal> {
+    let (arms, complete) = arms_at(map, x, options)?;
+    Ok(Local {
+        kind: None,
+        arms: arms.iter().map(found).collect(),
+        certainty: certainty(complete),
+    })
+}
+
+/// A diagram with its vertices and folds.
+pub struct Explored {
+    pub diagram: Diagram,
+    pub vertices: Vec<(Vec<f64>, Local)>,
+    pub folds: Vec<Vec<f64>>,
+    pub certainty: Certainty,
+}
+
+pub fn explore(
+    map: &dyn PiecewiseSmooth,
+    start: &[f64],
+    options: ContinuationOptions,
+) -> Result<Explored, Refusal> {
+    let options = DiagramOptions::default()
+        .with_continuation(options)
+        .with_max_points(4000)
+        .with_max_edges(200);
+    let diagram = Diagram::explore(map, &[start], &options)?;
+    let vertices = diagram.vertices().iter().map(|v| {
+        let kind = match v.kind {
+            VertexKind::PassThrough => Some(Kind::PassThrough),
+            VertexKind::Fold => Some(Kind::Fold),
+            VertexKind::Vertical => Some(Kind::Vertical),
+            VertexKind::Branching | VertexKind::BranchPoint => Some(Kind::Branching),
+            VertexKind::End => Some(Kind::End),
+            VertexKind::Isolated => Some(Kind::Isolated),
+            _ => None,
+        };
+        let local = Local {
+            kind,
+            arms: v.arms.iter().map(|a| found(&a.arm)).collect(),
+            certainty: certainty(v.complete),
+        };
+        (v.x.clone(), local)
+    });
+    Ok(Explored {
+        vertices: vertices.collect(),
+        folds: diagram.folds().into_iter().map(|f| f.x).collect(),
+        certainty: certainty(diagram.completeness().is_complete()),
+        diagram,
+    })
+}
+
+impl Explored {
+    /// The solutions at a value of the parameter, and the number of continua.
+    pub fn solutions(
+        &self,
+        map: &dyn PiecewiseSmooth,
+        alpha: f64,
+    ) -> Result<(Vec<Vec<f64>>, usize), Refusal> {
+        let found = self.diagram.solutions_at(map, alpha)?;
+        let points = found.points.into_iter().map(|p| p.x);
+        Ok((points.chain(found.isolated).collect(), found.continua.len()))
+    }
+}
+
+/// The folds of a curve.
+pub fn folds(
+    map: &dyn PiecewiseSmooth,
+    start: &[f64],
+    increasing: bool,
+    options: ContinuationOptions,
+) -> Result<Vec<Vec<f64>>, Refusal> {
+    let direction = if increasing { Direction::Increasing } else { Direction::Decreasing };
+    let branch = Branch::follow(map, start, direction, options)?;
+    let kinks = branch.transitions.iter().filter(|t| t.is_fold()).map(|t| t.x.clone());
+    let smooth = branch.smooth_folds.iter().map(|f| f.point.x.clone());
+    Ok(kinks.chain(smooth).collect())
+}
