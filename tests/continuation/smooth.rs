@@ -259,7 +259,8 @@ fn an_isolated_point_has_no_arms() {
     let circle = Plane::smooth(|y, a| [y * y + a * a, 2.0 * y, 2.0 * a]);
     let ellipse = Plane::smooth(|y, a| [y * y + y * a + a * a, 2.0 * y + a, 2.0 * a + y]);
     for map in [circle, ellipse] {
-        let (arms, complete) = arms_at(&map, &[0.0, 0.0], &ContinuationOptions::default()).unwrap();
+        let list = arms_at(&map, &[0.0, 0.0], &ContinuationOptions::default()).unwrap();
+    let (arms, complete) = (list.arms, !list.certainty.is_undecided());
         assert!(arms.is_empty() && complete, "{arms:?}");
     }
 }
@@ -316,7 +317,8 @@ fn starts_at_branch_points_of_any_size() {
             (1..n).for_each(|i| x.push(0.5 * x[i - 1] + 0.1 * a * a));
             x.push(a);
             let options = within((-0.2, 0.5));
-            let (arms, complete) = arms_at(&map, &x, &options).unwrap();
+            let list = arms_at(&map, &x, &options).unwrap();
+    let (arms, complete) = (list.arms, !list.certainty.is_undecided());
             assert_eq!((arms.len(), complete), (4, true), "{n} {unit:e} {bits}");
             for arm in &arms {
                 assert!((arm.tangent[0].abs() - arm.tangent[n].abs()).abs() < 1e-9);

@@ -1,7 +1,7 @@
 //! What the crate says of a map, in the words of the catalogue. This file alone knows the types of its answers.
 
 use semismooth::continuation::{
-    Arm, Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, VertexKind,
+    self, Arm, Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, VertexKind,
     arms_at,
 };
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
@@ -66,7 +66,7 @@ fn found(arm: &Arm) -> FoundArm {
     FoundArm {
         tangent: arm.tangent.clone(),
         selection: arm.selection.clone(),
-        side: None,
+        side: Some(arm.direction),
     }
 }
 
@@ -77,13 +77,31 @@ fn certainty(complete: bool) -> Certainty {
     }
 }
 
+fn kind_of(kind: VertexKind) -> Option<Kind> {
+    match kind {
+        VertexKind::PassThrough => Some(Kind::PassThrough),
+        VertexKind::Fold => Some(Kind::Fold),
+        VertexKind::Vertical => Some(Kind::Vertical),
+        VertexKind::Branching | VertexKind::BranchPoint => Some(Kind::Branching),
+        VertexKind::End => Some(Kind::End),
+        VertexKind::Isolated => Some(Kind::Isolated),
+        VertexKind::Continuum => Some(Kind::Continuum),
+        _ => None,
+    }
+}
+
 /// The analysis of a point.
 pub fn local(map: &dyn PiecewiseSmooth, x: &[f64], options: &ContinuationOptions) -> Result<Local, Refusal> {
-    let (arms, complete) = arms_at(map, x, options)?;
+    let found = arms_at(map, x, options)?;
     Ok(Local {
-        kind: None,
-        arms: arms.iter().map(found).collect(),
-        certainty: certainty(complete),
+        kind: kind_of(found.kind),
+        arms: found.arms.iter().map(self::found).collect(),
+        certainty: match found.certainty {
+            continuation::Certainty::Proven => Certainty::Complete { radius: f64::INFINITY },
+            continuation::Certainty::Within { radius } => Certainty::Complete { radius },
+            continuation::Certainty::Estimated => Certainty::Estimated,
+            _ => Certainty::Undecided,
+        },
     })
 }
 
@@ -106,15 +124,7 @@ pub fn explore(
         .with_max_edges(200);
     let diagram = Diagram::explore(map, &[start], &options)?;
     let vertices = diagram.vertices().iter().map(|v| {
-        let kind = match v.kind {
-            VertexKind::PassThrough => Some(Kind::PassThrough),
-            VertexKind::Fold => Some(Kind::Fold),
-            VertexKind::Vertical => Some(Kind::Vertical),
-            VertexKind::Branching | VertexKind::BranchPoint => Some(Kind::Branching),
-            VertexKind::End => Some(Kind::End),
-            VertexKind::Isolated => Some(Kind::Isolated),
-            _ => None,
-        };
+        let kind = kind_of(v.kind);
         let local = Local {
             kind,
             arms: v.arms.iter().map(|a| found(&a.arm)).collect(),

@@ -45,8 +45,7 @@ fn agree(a: &[Found], b: &[Found]) -> bool {
 fn inside(extension: &Extension<'_>, layout: &TestLayout) -> InCell {
     let arms = match extension.reduced() {
         Reduced::Arms(arms) => arms,
-        Reduced::Degenerate => return InCell::Undecided(PointDoubt::Order),
-        Reduced::Large => {
+        Reduced::Degenerate | Reduced::Large => {
             return InCell::Undecided(PointDoubt::kernel(extension.kernel(), &extension.units));
         }
     };

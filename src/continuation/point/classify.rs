@@ -8,7 +8,6 @@ pub(in crate::continuation) fn kind_of(arms: &[Arm]) -> VertexKind {
         [] => VertexKind::Isolated,
         [_] => VertexKind::End,
         [a, b] => match (a.direction, b.direction) {
-            (0, 0) => VertexKind::PassThrough,
             (0, _) | (_, 0) => VertexKind::Vertical,
             (a, b) if a == b => VertexKind::Fold,
             _ => VertexKind::PassThrough,

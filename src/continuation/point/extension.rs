@@ -1,8 +1,12 @@
 //! The smooth extension of one selection near a point: its Jacobian in balanced units with the errors of its entries, its kernels, and
 //! Taylor coefficients along arcs.
 
+use std::cell::Cell;
+
 use super::arc::{Arc, Value};
 use crate::linear::{Decomposition, decompose};
+use crate::newton::equilibrate;
+use crate::piecewise::expansion::{Exactness, TERMS, along};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, dot, norm};
 use crate::spread::centred;
@@ -12,11 +16,14 @@ use crate::spread::centred;
 const SAFETY: f64 = 64.0;
 /// Displacement, in balanced units, over which the change of a row of the Jacobian is its size where the row itself vanishes.
 const APART: f64 = 1.0 / 1024.0;
+/// Share of the balanced size of a variable below which its value is a rounding error of 0: 2⁻³⁰ leaves room for units that are 10⁸ apart,
+/// and is far above rounding of points of ordinary size.
+const NOTHING: f64 = 1.0 / 1_073_741_824.0;
 /// Number of points beside the given one from which everything is computed again.
 const BESIDE: usize = 2;
 
 /// Highest order of the coefficients.
-pub(super) const ORDER: usize = 4;
+pub(super) const ORDER: usize = TERMS - 1;
 
 /// A point, the units of its variables and points that rounding may have put in its place.
 pub(super) struct Frame<'a> {
@@ -46,12 +53,16 @@ pub(super) struct Extension<'a> {
     /// Singular values up to this one count as zero.
     pub(super) error: f64,
     pub(super) rank: usize,
+    /// The largest estimated error of a coefficient of H of second or higher order so far.
+    noise: Cell<f64>,
 }
 
 /// Coefficients of H and of the vanishing test functions along an arc: `residual[k]` and `tests[k]` are those of s^k.
 pub(super) struct Coefficients {
     pub(super) residual: Vec<Vec<f64>>,
     pub(super) tests: Vec<Vec<f64>>,
+    /// Estimated errors of those of the test functions; 0 where they are known to rounding.
+    errors: Vec<Vec<f64>>,
 }
 
 impl<'a> Extension<'a> {
@@ -69,7 +80,7 @@ impl<'a> Extension<'a> {
             }
         };
         at(x, &mut jac)?;
-        let units = units(&jac, x);
+        let units = units(&jac, &changes(map, selection, x, &jac), x);
         let apart = |sign: f64| -> Vec<f64> {
             let all = x.iter().zip(&units).enumerate();
             all.map(|(j, (x, unit))| x + sign * APART * unit * (1.0 + centred(j + 1, false))).collect()
@@ -97,6 +108,7 @@ impl<'a> Extension<'a> {
             },
             error: 0.0,
             rank: 0,
+            noise: Cell::new(0.0),
         };
         for base in &this.bases {
             at(base, &mut jac)?;
@@ -131,6 +143,11 @@ impl<'a> Extension<'a> {
     pub(super) fn doubtful_rank(&self) -> Option<usize> {
         let least = self.rank.checked_sub(1).map(|k| self.svd.values[k])?;
         (least <= SAFETY * self.error).then(|| self.rank - 1)
+    }
+
+    /// Errors up to which numbers computed from coefficients of H are known, in balanced units.
+    pub(super) fn resolution(&self) -> f64 {
+        self.error + self.noise.get()
     }
 
     /// Dimension of the kernel.
@@ -185,72 +202,89 @@ impl<'a> Extension<'a> {
 
     /// Taylor coefficients along base + Σ arc[k − 1] s^k, up to an order of at most 4.
     pub(super) fn along(&self, base: usize, arc: &[&[f64]], order: usize) -> Coefficients {
+        let (n, tests) = (self.rows.len(), self.frame.tests);
         let unscaled = |v: &&[f64]| -> Vec<f64> { v.iter().zip(&self.units).map(|(v, u)| v * u).collect() };
         let terms: Vec<Vec<f64>> = arc.iter().map(unscaled).collect();
         let mut all: Vec<&[f64]> = vec![&self.bases[base]];
         all.extend(terms.iter().take(order).map(Vec::as_slice));
-        let mut found = taylor(self.frame, self.selection, &all, order);
-        for residual in &mut found.residual {
-            residual.iter_mut().zip(&self.rows).for_each(|(r, f)| *r *= f);
+        let (mut residual, mut values) = (vec![0.0; TERMS * n], vec![0.0; TERMS * tests]);
+        let exactness = along(&self.frame.map, self.selection, &all, &mut residual, &mut values);
+        let (mut errors, mut noise) = (vec![0.0; TERMS * tests], self.noise.get());
+        if let Exactness::Estimated { residual, tests } = exactness {
+            errors = tests;
+            for (own, factor) in residual.chunks_exact(TERMS).zip(&self.rows) {
+                noise = own[2..=order.max(2)].iter().fold(noise, |m, e| m.max(e * factor));
+            }
+            self.noise.set(noise);
         }
-        found
+        let vanishing = self.frame.vanishing;
+        Coefficients {
+            residual: (0..=order).map(|k| (0..n).map(|i| residual[TERMS * i + k] * self.rows[i]).collect()).collect(),
+            tests: (0..=order).map(|k| vanishing.iter().map(|t| values[TERMS * t + k]).collect()).collect(),
+            errors: (0..=order).map(|k| vanishing.iter().map(|t| errors[TERMS * t + k]).collect()).collect(),
+        }
     }
 
-    /// α along an arc, relative to its value at the point, and the vanishing test functions, with their errors.
+    /// α along an arc, relative to its value at the point, and the vanishing test functions, with their errors; the arc computed from each base.
     pub(super) fn values(&self, arcs: &[Arc]) -> Followed {
-        let each: Vec<(Vec<f64>, Vec<Vec<f64>>)> = (arcs.iter().enumerate()).map(|(b, a)| self.values_at(b, a)).collect();
-        let (alpha, tests) = &each[0];
-        let value = |own: f64, size: f64, others: &mut dyn Iterator<Item = f64>| {
-            let apart = others.map(|o| (o - own).abs()).fold(0.0, f64::max);
+        let each: Vec<Along> = (arcs.iter().enumerate()).map(|(b, a)| self.values_at(b, a)).collect();
+        let sizes = self.gradient_sizes();
+        let value = |own: (f64, f64), size: f64, others: &mut dyn Iterator<Item = f64>| {
+            let apart = others.map(|o| (o - own.0).abs()).fold(0.0, f64::max);
             Value {
-                value: own,
-                error: SAFETY * f64::EPSILON * size + SAFETY.sqrt() * apart,
+                value: own.0,
+                error: own.1 + SAFETY * f64::EPSILON * size + SAFETY.sqrt() * apart,
             }
         };
         let last = self.units.last().copied().unwrap_or(1.0);
         let size = |k: usize| arcs[0].size(k);
+        let orders = each[0].alpha.len();
+        let alpha = |k: usize| {
+            let own = (each[0].alpha[k], 0.0);
+            value(own, last * size(k), &mut each[1..].iter().map(|e| e.alpha[k]))
+        };
+        let test = |v: usize, k: usize| {
+            let own = (each[0].tests[v][k].0, each[0].tests[v][k].1);
+            value(own, sizes[v] * size(k), &mut each[1..].iter().map(|e| e.tests[v][k].0))
+        };
         Followed {
-            alpha: (0..alpha.len())
-                .map(|k| value(alpha[k], last * size(k), &mut each[1..].iter().map(|e| e.0[k])))
-                .collect(),
-            tests: (0..tests.len())
-                .map(|v| {
-                    let gradient = self.gradient_size(v);
-                    (0..tests[v].len())
-                        .map(|k| value(tests[v][k], gradient * size(k), &mut each[1..].iter().map(|e| e.1[v][k])))
-                        .collect()
-                })
-                .collect(),
+            alpha: (0..orders).map(alpha).collect(),
+            tests: (0..sizes.len()).map(|v| (0..orders).map(|k| test(v, k)).collect()).collect(),
         }
     }
 
-    /// Size of the gradient of a vanishing test function in the units of the variables.
-    fn gradient_size(&self, v: usize) -> f64 {
-        let mut sum = 0.0_f64;
+    /// Sizes of the gradients of the vanishing test functions in the units of the variables.
+    fn gradient_sizes(&self) -> Vec<f64> {
+        let mut sizes = vec![0.0_f64; self.frame.vanishing.len()];
         for second in [false, true] {
             let direction: Vec<f64> = (0..self.units.len()).map(|j| 2.0 * centred(j + 1, second)).collect();
             let found = self.along(0, &[&direction], 1);
-            sum = sum.max(found.tests[1][v].abs());
+            sizes.iter_mut().zip(&found.tests[1]).for_each(|(s, t)| *s = s.max(t.abs()));
         }
-        sum
+        sizes
     }
 
-    fn values_at(&self, base: usize, arc: &Arc) -> (Vec<f64>, Vec<Vec<f64>>) {
+    fn values_at(&self, base: usize, arc: &Arc) -> Along {
         let last = self.units.last().copied().unwrap_or(1.0);
         let alpha = |v: &[f64]| last * v.last().copied().unwrap_or(0.0);
+        let vanishing = 0..self.frame.vanishing.len();
         if let Some(half) = &arc.half {
-            let rates = |d: &[f64]| self.along(base, &[d], 1).tests.swap_remove(1);
+            let rates = |d: &[f64]| self.along(base, &[d], 1);
             let (first, second) = (rates(&arc.terms[0]), rates(half));
-            let tests = first.iter().zip(&second).map(|(a, b)| vec![*a, *b]).collect();
-            return (vec![alpha(&arc.terms[0]), alpha(half)], tests);
+            let of = |v: usize| [&first, &second].map(|c| (c.tests[1][v], c.errors[1][v])).to_vec();
+            return Along {
+                alpha: vec![alpha(&arc.terms[0]), alpha(half)],
+                tests: vanishing.map(of).collect(),
+            };
         }
         let order = arc.terms.len();
         let terms: Vec<&[f64]> = arc.terms.iter().map(Vec::as_slice).collect();
         let found = self.along(base, &terms, order);
-        let tests = (0..self.frame.vanishing.len())
-            .map(|v| (1..=order).map(|k| found.tests[k][v]).collect())
-            .collect();
-        (arc.terms.iter().map(|t| alpha(t)).collect(), tests)
+        let of = |v: usize| (1..=order).map(|k| (found.tests[k][v], found.errors[k][v])).collect();
+        Along {
+            alpha: arc.terms.iter().map(|t| alpha(t)).collect(),
+            tests: vanishing.map(of).collect(),
+        }
     }
 
     /// An arc of displacements in the variables of the map.
@@ -263,15 +297,32 @@ impl<'a> Extension<'a> {
     }
 }
 
+/// Coefficients of α and of the vanishing test functions along an arc at one base; these with estimated errors.
+struct Along {
+    alpha: Vec<f64>,
+    tests: Vec<Vec<(f64, f64)>>,
+}
+
 /// Functions along an arc: coefficients of α and of each vanishing test function.
 pub(super) struct Followed {
     pub(super) alpha: Vec<Value>,
     pub(super) tests: Vec<Vec<Value>>,
 }
 
-/// The size of each variable: its own or, where that is smaller, the change that rounding of the terms of a row cannot tell from it; where
-/// nothing is known, 1.
-fn units(jac: &Matrix, x: &[f64]) -> Vec<f64> {
+/// The larger of each entry of the Jacobian and of its change over distances of 1.
+fn changes(map: &dyn PiecewiseSmooth, selection: &Selection, x: &[f64], jac: &Matrix) -> Matrix {
+    let moved: Vec<f64> = x.iter().enumerate().map(|(j, x)| x + centred(j + 1, false)).collect();
+    let mut other = Matrix::zeros(jac.pattern().clone());
+    map.jacobian(selection, &moved, &mut other);
+    for (o, v) in other.values_mut().iter_mut().zip(jac.values()) {
+        *o = (*o - v).abs().max(v.abs());
+    }
+    other
+}
+
+/// The size of each variable: its own or, where that is smaller, the change that rounding of the terms of a row cannot tell from it. Where
+/// both are rounding errors of 0, the size in which columns of the Jacobian, or of its changes, are balanced, their geometric mean being 1.
+fn units(jac: &Matrix, changes: &Matrix, x: &[f64]) -> Vec<f64> {
     let mut terms = vec![0.0_f64; jac.nrows()];
     let lengths: Vec<f64> = x.iter().map(|x| x.abs()).collect();
     jac.as_ref().add_term_sizes(&lengths, &mut terms);
@@ -281,11 +332,17 @@ fn units(jac: &Matrix, x: &[f64]) -> Vec<f64> {
             least[j] = least[j].min(terms[i] / v.abs());
         }
     }
-    let unit = |(x, least): (&f64, &f64)| {
-        let known = if least.is_finite() { x.abs().max(*least) } else { x.abs().max(1.0) };
-        if known > 0.0 { known.log2().round().exp2() } else { 1.0 }
+    let (mut rows, mut largest) = (vec![1.0; jac.nrows()], vec![0.0; jac.nrows()]);
+    let mut balanced = vec![1.0; x.len()];
+    equilibrate(changes.as_ref(), &mut rows, &mut balanced, &mut largest);
+    let mean = balanced.iter().map(|b| b.log2()).sum::<f64>() / x.len() as f64;
+    let unit = |j: usize| {
+        let balanced = (balanced[j].log2() - mean).exp2();
+        let own = if least[j].is_finite() { x[j].abs().max(least[j]) } else { x[j].abs() };
+        let size = if own > NOTHING * balanced { own } else { balanced };
+        if size > 0.0 && size.is_finite() { size.log2().round().exp2() } else { 1.0 }
     };
-    x.iter().zip(&least).map(unit).collect()
+    (0..x.len()).map(unit).collect()
 }
 
 fn bases(x: &[f64], units: &[f64], off: f64) -> Vec<Vec<f64>> {
@@ -300,87 +357,3 @@ fn bases(x: &[f64], units: &[f64], off: f64) -> Vec<Vec<f64>> {
     bases
 }
 
-/// Coefficients of H^(σ) and of the vanishing test functions along x(s) = Σ arc[k] s^k.
-fn taylor(frame: &Frame<'_>, selection: &Selection, arc: &[&[f64]], order: usize) -> Coefficients {
-    let (map, n) = (frame.map, frame.map.num_residuals());
-    differences(map, frame, selection, arc, order, n)
-}
-
-/// By central differences of ∇H^(σ)(x(s)) x′(s) and of the rates of the test functions.
-fn differences(
-    map: &dyn PiecewiseSmooth,
-    frame: &Frame<'_>,
-    selection: &Selection,
-    arc: &[&[f64]],
-    order: usize,
-    n: usize,
-) -> Coefficients {
-    const H: f64 = 1.0 / 128.0;
-    let m = arc[0].len();
-    let mut jac = Matrix::zeros(map.pattern());
-    let mut at = |s: f64| {
-        let (mut x, mut d) = (arc[0].to_vec(), vec![0.0; m]);
-        for (k, term) in arc.iter().enumerate().skip(1) {
-            let (power, slope) = (s.powi(k as i32), k as f64 * s.powi(k as i32 - 1));
-            for j in 0..m {
-                x[j] += power * term[j];
-                d[j] += slope * term[j];
-            }
-        }
-        jac.clear();
-        map.jacobian(selection, &x, &mut jac);
-        let (mut image, mut rates) = (vec![0.0; n], vec![0.0; frame.tests]);
-        jac.mul_vec(&d, &mut image);
-        map.tests_of_selection(selection, &x, Some(&d), &mut rates);
-        image.extend(frame.vanishing.iter().map(|&k| rates[k]));
-        image
-    };
-    let (mut residual, mut tests) = (vec![0.0; n], vec![0.0; frame.tests]);
-    map.residual(selection, arc[0], &mut residual);
-    map.tests_of_selection(selection, arc[0], None, &mut tests);
-    let mut found = Coefficients {
-        residual: vec![residual],
-        tests: vec![frame.vanishing.iter().map(|&k| tests[k]).collect()],
-    };
-    let curved = order > 1 && !map.is_piecewise_affine();
-    let f0 = at(0.0);
-    let mut push = |values: Vec<f64>| {
-        found.tests.push(values[n..].to_vec());
-        found.residual.push(values[..n].to_vec());
-    };
-    if !curved {
-        push(f0);
-        for k in 2..=order {
-            // The image of the term itself: nothing else is left on affine pieces.
-            let mut only = vec![arc[0].to_vec()];
-            only.extend(arc.get(k).map(|t| t.to_vec()));
-            let mut values = vec![0.0; n + frame.vanishing.len()];
-            if let Some(term) = only.get(1) {
-                jac.mul_vec(term, &mut values[..n]);
-                let mut rates = vec![0.0; frame.tests];
-                map.tests_of_selection(selection, arc[0], Some(term), &mut rates);
-                for (v, &k) in values[n..].iter_mut().zip(frame.vanishing) {
-                    *v = rates[k];
-                }
-            }
-            found.tests.push(values[n..].to_vec());
-            found.residual.push(values[..n].to_vec());
-        }
-        return found;
-    }
-    let [a, b, c, d] = [-2.0 * H, -H, H, 2.0 * H].map(&mut at);
-    let combine = |weights: [f64; 5], divisor: f64| -> Vec<f64> {
-        (0..f0.len())
-            .map(|i| (weights[0] * a[i] + weights[1] * b[i] + weights[2] * f0[i] + weights[3] * c[i] + weights[4] * d[i]) / divisor)
-            .collect()
-    };
-    push(f0.clone());
-    push(combine([1.0, -8.0, 0.0, 8.0, -1.0], 12.0 * H * 2.0));
-    if order > 2 {
-        push(combine([-1.0, 16.0, -30.0, 16.0, -1.0], 12.0 * H * H * 6.0));
-    }
-    if order > 3 {
-        push(combine([-1.0, 2.0, 0.0, -2.0, 1.0], 2.0 * H * H * H * 24.0));
-    }
-    found
-}

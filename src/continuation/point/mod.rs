@@ -119,9 +119,7 @@ impl fmt::Display for Certainty {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum PointDoubt {
-    /// The forms in the kernel of a selection are degenerate up to the fourth order.
-    Order,
-    /// The kernel of a selection has more than three dimensions, or two and more where derivatives are not known well enough.
+    /// The kernel of a selection has more than three dimensions, or the forms in it are degenerate up to the fourth order.
     Kernel {
         /// Its dimension.
         dimension: usize,
@@ -157,7 +155,6 @@ impl PointDoubt {
 impl fmt::Display for PointDoubt {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Order => f.write_str("degenerate up to the fourth order"),
             Self::Kernel { dimension, variables } => {
                 const NAMED: usize = 8;
                 let names: Vec<String> = variables.iter().take(NAMED).map(|j| format!("x[{j}]")).collect();

@@ -81,7 +81,7 @@ impl Extension<'_> {
         let apart = (1..self.num_bases()).map(|b| (number(b) - own).abs()).fold(0.0, f64::max);
         Value {
             value: own,
-            error: 8.0 * apart + self.error,
+            error: 8.0 * apart + self.resolution(),
         }
     }
 

@@ -4,11 +4,11 @@
 use super::search::{ArmSearch, Arms};
 use super::{Found, PointDoubt};
 use crate::linear::LinearSolver;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Vanishing};
 use crate::sparse::{distance, dot, norm};
 
 /// Distances of the corrected points from the point, in balanced units: the first at which all arms are found and separate serves.
-const RADII: [f64; 5] = [1.0 / 256.0, 1.0 / 2048.0, 1.0 / 16384.0, 1.0 / 131_072.0, 1.0 / 4_194_304.0];
+const RADII: [f64; 6] = [3.9e-3, 4.9e-4, 6.1e-5, 7.6e-6, 9.5e-7, 1.2e-7];
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     /// Moves the arms found to the list: each once, with a corrected point where tangents alone do not tell them apart.
@@ -92,17 +92,13 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         }
         let mut theta = vec![0.0; self.layout.total()];
         self.map.tests_of_selection(selection, &y, None, &mut theta);
-        for site in 0..self.layout.num_sites() {
-            let first = self.layout.range(site).start;
-            for facet in self.map.cell(site, selection.piece(site)) {
-                let k = first + facet.test();
-                let held = facet.sign() * theta[k] >= 0.0 || found.facets.contains(&k);
-                if !held {
-                    return Ok(None);
-                }
-            }
-        }
-        Ok(Some(y))
+        let leaves = |v: &Vanishing| {
+            let mut facets = self.map.cell(v.site, selection.piece(v.site)).iter();
+            facets.any(|f| f.test() == v.test && f.sign() * theta[v.index] < 0.0)
+        };
+        // Along facets in which the arm runs the signs are rounding.
+        let crossed = self.vanishing.iter().any(|v| !found.facets.contains(&v.index) && leaves(v));
+        Ok((!crossed).then_some(y))
     }
 
     /// The sign of det ∇_yH^(σ) along an arm.
