@@ -31,7 +31,7 @@ pub use diagram::{
     DiagramVertex, EdgeEnd, Limit, Progress, SectionProgress, SolutionsAt, VertexArm, VertexKind,
 };
 pub use error::ContinuationError;
-pub use options::{ContinuationOptions, Strategy};
+pub use options::{ContinuationOptions, StepRule, Strategy};
 pub(crate) use pursuit::pursue;
 pub use record::{
     Arm, BranchPoint, Event, MonitorCrossing, Point, PointKind, SiteChange, SmoothFold, Termination,

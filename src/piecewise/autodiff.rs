@@ -1,3 +1,4 @@
+mod affinity;
 mod dual;
 mod exact;
 
@@ -45,10 +46,13 @@ pub trait NonsmoothFunction {
     fn typical_sizes(&self, _sizes: &mut [f64]) {}
 
     /// Whether the function is affine apart from its kinks, in all variables (the parameter among them), and so are the arguments of the
-    /// kinks: its curves are then polygons, followed from vertex to vertex in one step. If this is declared wrongly, curves are wrong;
-    /// if a kink lies inside another, it is ignored. Default: `false`.
+    /// kinks: its curves are then polygons, followed from vertex to vertex in one step. If a kink lies inside another, it is ignored.
+    /// Default: found by tracing [`eval`](Self::eval); `false` where it branches on [`value`](Real::value), and where terms of higher
+    /// order cancel (x y − x y). If your own answer is wrong, so are curves; [`check`](super::check) finds that out.
     fn is_piecewise_affine(&self) -> bool {
-        false
+        affinity::is_affine(self.num_vars(), self.num_residuals(), |x, out| {
+            self.eval(x, &mut Kinks::new(Mode::Switched), out);
+        })
     }
 
     /// Name of a site, in the order of the calls on `kinks`, for tables and pictures. Default: none, the site has a number.
@@ -96,7 +100,7 @@ enum Mode<'a> {
     FrozenSlopes(&'a Selection, &'a mut [f64]),
     /// All pieces at once.
     Joined,
-    /// Every kink as an unknown.
+    /// Every kink as an unknown, or as what is true of all its pieces.
     Switched,
     /// All pieces at once; sites are indexed after the variables, labels begin at the index `first`, and the labels of the test functions
     /// go to the list.
@@ -166,7 +170,7 @@ impl<'a, T: Real> Kinks<'a, T> {
                 selection.piece(site)
             }
             Mode::Joined => return pieces[0].joined(&pieces, None),
-            Mode::Switched => return T::switched(tests, &pieces),
+            Mode::Switched => return T::switched(tests, &pieces, natural),
             Mode::Labelled {
                 behind,
                 first,
@@ -291,6 +295,8 @@ pub struct Traced<F> {
     variables: Vec<Vec<usize>>,
     /// Whether the test functions of one kink depend on another.
     nested: bool,
+    /// Whether pieces and test functions are affine: those of an outer kink are on the pieces of the inner one only.
+    affine: bool,
     /// Whether the pattern was compared with the function at a point.
     checked: AtomicBool,
 }
@@ -305,14 +311,15 @@ impl<F: Clone> Clone for Traced<F> {
             rows: self.rows.clone(),
             variables: self.variables.clone(),
             nested: self.nested,
+            affine: self.affine,
             checked: AtomicBool::new(self.checked.load(Ordering::Relaxed)),
         }
     }
 }
 
 impl<F: NonsmoothFunction> Traced<F> {
-    /// Finds the kinks of `function`, which residuals depend on which of them, and where Jacobians have entries, by evaluations at x = 0
-    /// (and at a second point for the pattern).
+    /// Finds the kinks of `function`, which residuals depend on which of them, where Jacobians have entries, and whether it is affine apart
+    /// from the kinks, by evaluations at x = 0 (and at a second point for the pattern).
     pub fn new(function: F) -> Self {
         let (n, m) = (function.num_residuals(), function.num_vars());
         let mut kinds = Vec::new();
@@ -345,6 +352,7 @@ impl<F: NonsmoothFunction> Traced<F> {
         }
         Self {
             coloring: Coloring::new(&pattern),
+            affine: !nested && function.is_piecewise_affine(),
             function,
             kinds,
             pattern,
@@ -491,8 +499,7 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
     }
 
     fn is_piecewise_affine(&self) -> bool {
-        // The test functions of an outer kink are affine on the pieces of the inner one only.
-        self.function.is_piecewise_affine() && !self.nested
+        self.affine
     }
 
     fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {

@@ -1,4 +1,4 @@
-//! The seed's examples against exact rational arithmetic: every branch, from both ends, for step bounds over four decades.
+//! The examples of Haslinger, Janovský and Ligurský (2012) against exact rational arithmetic: every branch, from both ends, for step bounds over four decades.
 
 use crate::common;
 use crate::common::{Case, Link, Vertex, cases};
