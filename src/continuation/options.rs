@@ -33,7 +33,9 @@ pub enum StepRule {
     Convergence,
 }
 
-/// Options of the continuation. The defaults suit most problems.
+/// Options of the continuation. The defaults suit most problems. Those on steps and corrections have no effect where all pieces are affine
+/// ([`PiecewiseSmooth::is_piecewise_affine`](crate::piecewise::PiecewiseSmooth::is_piecewise_affine)) and kinks are located: curves go from
+/// kink to kink.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
