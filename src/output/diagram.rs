@@ -156,8 +156,8 @@ fn is_negative(ends: [Option<i8>; 2]) -> bool {
     ends.into_iter().flatten().find(|s| *s != 0) == Some(-1)
 }
 
-/// The direction in the plane in which a curve leaves x along `tangent`, or, for a negative step, arrives there: the one-sided difference
-/// quotient of second order over that step in x.
+/// The direction in the plane in which a curve leaves x along `tangent`, or, for a negative step, arrives
+/// there: the one-sided difference quotient of second order over that step in x.
 fn direction(place: &impl Fn(&[f64]) -> Point, x: &[f64], tangent: &[f64], step: f64) -> Point {
     let at = |s: f64| {
         place(
@@ -174,13 +174,14 @@ fn direction(place: &impl Fn(&[f64]) -> Point, x: &[f64], tangent: &[f64], step:
 
 /// The directions at both ends of a segment, given as points with their tangents on departure and on arrival.
 fn directions(place: &impl Fn(&[f64]) -> Point, [(x0, t0), (x1, t1)]: [(&[f64], &[f64]); 2]) -> [Point; 2] {
-    // Far enough for the rounding of the coordinates, and near enough for their curvature, to turn the direction by less than is seen.
+    // Far enough for the rounding of the coordinates, and near enough for their curvature, to turn the
+    // direction by less than is seen.
     let step = 1e-4 * distance(x0, x1);
     [direction(place, x0, t0, step), direction(place, x1, t1, -step)]
 }
 
-/// A curve in the plane, with a style for each segment, and marks. Curves of branches and edges are drawn with their tangents, smooth
-/// between kinks; others are polylines.
+/// A curve in the plane, with a style for each segment, and marks. Curves of branches and edges are drawn
+/// with their tangents, smooth between kinks; others are polylines.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Curve {
     pub(super) vertices: Vec<Point>,
@@ -264,8 +265,9 @@ impl Curve {
         }
     }
 
-    /// Draws the line through all points of a branch ([`Branch::vertices`], [`Branch::polyline`]) with the tangents there, smooth between
-    /// kinks: `place` is the map from x to the plane that gave the vertices of this curve.
+    /// Draws the line through all points of a branch ([`Branch::vertices`], [`Branch::polyline`]) with the
+    /// tangents there, smooth between kinks: `place` is the map from x to the plane that gave the vertices of
+    /// this curve.
     #[must_use]
     pub fn with_tangents(mut self, branch: &Branch, place: impl Fn(&[f64]) -> (f64, f64)) -> Self {
         let walk = branch.vertices();

@@ -45,10 +45,11 @@ pub trait NonsmoothFunction {
     /// Typical sizes of the variables, as [`PiecewiseSmooth::typical_sizes`]. Default: unchanged.
     fn typical_sizes(&self, _sizes: &mut [f64]) {}
 
-    /// Whether the function is affine apart from its kinks, in all variables (the parameter among them), and so are the arguments of the
-    /// kinks: its curves are then polygons, followed from vertex to vertex in one step. If a kink lies inside another, it is ignored.
-    /// Default: found by tracing [`eval`](Self::eval); `false` where it branches on [`value`](Real::value), and where terms of higher
-    /// order cancel (x y − x y). If your own answer is wrong, so are curves; [`check`](super::check) finds that out.
+    /// Whether the function is affine apart from its kinks, in all variables (the parameter among them), and
+    /// so are the arguments of the kinks: its curves are then polygons, followed from vertex to vertex in one
+    /// step. If a kink lies inside another, it is ignored. Default: found by tracing [`eval`](Self::eval);
+    /// `false` where it branches on [`value`](Real::value), and where terms of higher order cancel (x y − x
+    /// y). If your own answer is wrong, so are curves; [`check`](super::check) finds that out.
     fn is_piecewise_affine(&self) -> bool {
         affinity::is_affine(self.num_vars(), self.num_residuals(), |x, out| {
             self.eval(x, &mut Kinks::new(Mode::Switched), out);
@@ -295,7 +296,8 @@ pub struct Traced<F> {
     variables: Vec<Vec<usize>>,
     /// Whether the test functions of one kink depend on another.
     nested: bool,
-    /// Whether pieces and test functions are affine: those of an outer kink are on the pieces of the inner one only.
+    /// Whether pieces and test functions are affine: those of an outer kink are on the pieces of the inner
+    /// one only.
     affine: bool,
     /// Whether the pattern was compared with the function at a point.
     checked: AtomicBool,
@@ -318,8 +320,9 @@ impl<F: Clone> Clone for Traced<F> {
 }
 
 impl<F: NonsmoothFunction> Traced<F> {
-    /// Finds the kinks of `function`, which residuals depend on which of them, where Jacobians have entries, and whether it is affine apart
-    /// from the kinks, by evaluations at x = 0 (and at a second point for the pattern).
+    /// Finds the kinks of `function`, which residuals depend on which of them, where Jacobians have entries,
+    /// and whether it is affine apart from the kinks, by evaluations at x = 0 (and at a second point for the
+    /// pattern).
     pub fn new(function: F) -> Self {
         let (n, m) = (function.num_residuals(), function.num_vars());
         let mut kinds = Vec::new();

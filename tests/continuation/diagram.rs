@@ -1,4 +1,5 @@
-//! Diagrams: complete solution sets of the printed examples, branchings, closed curves, starts on the same curve.
+//! Diagrams: complete solution sets of the printed examples, branchings, closed curves, starts on the same
+//! curve.
 
 use crate::common;
 use std::ops::ControlFlow;

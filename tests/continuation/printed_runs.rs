@@ -1,5 +1,5 @@
-//! The algorithm of Haslinger, Janovský and Ligurský (2012) with their settings reproduces their printed runs and meets every transition of
-//! their examples.
+//! The algorithm of Haslinger, Janovský and Ligurský (2012) with their settings reproduces their printed runs
+//! and meets every transition of their examples.
 
 use TransitionKind::{Fold, PassThrough, VerticalBegin, VerticalEnd};
 use semismooth::contact::{
@@ -76,8 +76,8 @@ fn two_nodes(loads: [[f64; 4]; 2], friction: [f64; 2]) -> FullContact<PlanarCoul
     .unwrap()
 }
 
-/// Follows the branch of `states` from 100 values of α from `first` on; each run must meet the transitions of exact arithmetic and no
-/// others, and end at the bound of the window.
+/// Follows the branch of `states` from 100 values of α from `first` on; each run must meet the transitions of
+/// exact arithmetic and no others, and end at the bound of the window.
 fn follow_from_everywhere(
     problem: &FullContact<PlanarCoulomb>,
     states: &[ContactState],
@@ -153,7 +153,8 @@ fn two_node_branches_are_followed_from_any_start() {
     follow_from_everywhere(&second, &[Open, Stick], 4.5, (-6.0, 20.0), &expected);
 }
 
-/// The vertical segment of p = 1, Example 3: the talk prints its indices 9 and 14, one more than the steps since the kink.
+/// The vertical segment of p = 1, Example 3: the talk prints its indices 9 and 14, one more than the steps
+/// since the kink.
 #[test]
 fn printed_run_of_example_3() {
     let problem = HildRenard::new(1.0, -2.0, 1.0, 1.0).unwrap().problem().unwrap();
@@ -186,7 +187,8 @@ impl NonsmoothFunction for Circle {
     }
 }
 
-/// The Moore–Penrose corrections of the point (1, h) towards the circle: the rate of the first two, and the angle at which they end.
+/// The Moore–Penrose corrections of the point (1, h) towards the circle: the rate of the first two, and the
+/// angle at which they end.
 fn corrections_on_the_circle(h: f64) -> (f64, f64) {
     let (mut x, mut t) = ([1.0, h], [0.0, 1.0]);
     let mut steps = Vec::new();
@@ -202,8 +204,8 @@ fn corrections_on_the_circle(h: f64) -> (f64, f64) {
     (steps[1] / steps[0], x[1].atan2(x[0]))
 }
 
-/// On a circle all steps of one length converge at one rate: by `StepRule::Convergence` they tend to the length at which it is ¼, and by
-/// `StepRule::Growth` they grow until corrections fail.
+/// On a circle all steps of one length converge at one rate: by `StepRule::Convergence` they tend to the
+/// length at which it is ¼, and by `StepRule::Growth` they grow until corrections fail.
 #[test]
 fn steps_adapt_to_the_rate_of_convergence() {
     let chords = |rule, min_cos| {

@@ -1,4 +1,5 @@
-//! Whether formulas are affine apart from their kinks is found by tracing them, and their curves are polygons then.
+//! Whether formulas are affine apart from their kinks is found by tracing them, and their curves are polygons
+//! then.
 
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionKind};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
@@ -141,7 +142,8 @@ fn affine_formulas_are_recognised_and_no_others() {
     }
 }
 
-/// What the evaluation over forms did not see of a branch on x or eˣ is not claimed: no coefficients are given.
+/// What the evaluation over forms did not see of a branch on x or eˣ is not claimed: no coefficients are
+/// given.
 #[test]
 fn formulas_that_branch_on_values_have_no_exact_coefficients() {
     for (k, (formula, _)) in FORMULAS.iter().enumerate() {
@@ -235,8 +237,8 @@ fn wrong_declarations_are_found_by_the_checker() {
     assert!(!declared("x + 3 a - 1", false).is_piecewise_affine());
 }
 
-/// Springs in a row between a wall and a plate that is pulled with the force α; x = (places of their ends, α). Each of the first is
-/// three times as stiff beyond its own limit.
+/// Springs in a row between a wall and a plate that is pulled with the force α; x = (places of their ends,
+/// α). Each of the first is three times as stiff beyond its own limit.
 struct Row {
     springs: usize,
     bent: usize,
@@ -285,8 +287,8 @@ impl NonsmoothFunction for Row {
     }
 }
 
-/// 2 000 unknowns with 293 kinks along the path: each step ends at a kink, none needs a correction, and the last end lies where the sum
-/// of the elongations has it.
+/// 2 000 unknowns with 293 kinks along the path: each step ends at a kink, none needs a correction, and the
+/// last end lies where the sum of the elongations has it.
 #[test]
 fn curves_of_affine_formulas_go_from_kink_to_kink() {
     let row = |product| Row {

@@ -1,5 +1,6 @@
-//! The algorithm of Haslinger, Janovský and Ligurský (2012): selections switch inside the corrector, steps are halved in front of a
-//! kink, vanishing test functions give the selection beyond it. Steps are numbered as they number them; what they leave open is listed at
+//! The algorithm of Haslinger, Janovský and Ligurský (2012): selections switch inside the corrector, steps
+//! are halved in front of a kink, vanishing test functions give the selection beyond it. Steps are numbered
+//! as in their talk on it; what that leaves open is listed at
 //! `ContinuationOptions::haslinger_janovsky_ligursky`.
 
 use crate::continuation::engine::Curve;
@@ -17,7 +18,8 @@ const REACH: f64 = 10.0;
 /// Largest length of an accepted step ‖X − xʲ‖, relative to the step h along the tangent.
 const FARTHEST: f64 = 3.0;
 
-/// Rate of convergence of the corrections at which a step is neither too long nor too short (`StepRule::Convergence`).
+/// Rate of convergence of the corrections at which a step is neither too long nor too short
+/// (`StepRule::Convergence`).
 const IDEAL_RATE: f64 = 0.25;
 
 impl Curve<'_> {
@@ -43,7 +45,8 @@ impl Curve<'_> {
         }
     }
 
-    /// Step 7: the length of the next step after one of length h, for which the corrections converged at the given rate.
+    /// Step 7: the length of the next step after one of length h, for which the corrections converged at the
+    /// given rate.
     fn next_length(&self, h: f64, halved: bool, rate: f64) -> f64 {
         let options = &self.options;
         let most = if halved { 1.0 } else { options.growth };

@@ -10,8 +10,8 @@ const ARROW_EVERY: f64 = 170.0;
 const ARROW_ROOM: f64 = 34.0;
 /// Inner vertices of a stretch closer than this to the one before are left out.
 const THIN: f64 = 0.3;
-/// Distance in pixels from the chord up to which an arc is a straight line: no screen shows it, and a page printed at 600 dots an inch has
-/// six dots a pixel.
+/// Distance in pixels from the chord up to which an arc is a straight line: no screen shows it, and a page
+/// printed at 600 dots an inch has six dots a pixel.
 const STRAIGHT: f64 = 0.05;
 
 /// A part of a curve in one style.
@@ -47,15 +47,17 @@ impl Stretch {
     }
 }
 
-/// The cubic from a to b, between points in the picture, with these directions at its ends: their lengths do not matter. On a circle its
-/// middle lies on the circle. Straight where it hardly leaves the chord, or where an end has no direction.
+/// The cubic from a to b, between points in the picture, with these directions at its ends: their lengths do
+/// not matter. On a circle its middle lies on the circle. Straight where it hardly leaves the chord, or where
+/// an end has no direction.
 pub(super) fn bend(a: Pixel, b: Pixel, [from, to]: [Pixel; 2]) -> Bend {
     let unit = |d: Pixel| {
         let length = d.0.hypot(d.1);
         (length > 0.0 && length.is_finite()).then(|| (d.0 / length, d.1 / length))
     };
     let (chord, from, to) = (distance(a, b), unit(from)?, unit(to)?);
-    // Control points of the arc of a circle between directions at the angle φ: at (4/3) tan(φ/4) radii, the chord being 2 sin(φ/2) radii.
+    // Control points of the arc of a circle between directions at the angle φ: at (4/3) tan(φ/4) radii, the
+    // chord being 2 sin(φ/2) radii.
     let cosine = (0.5 * (1.0 + from.0 * to.0 + from.1 * to.1)).max(0.0).sqrt();
     let length = 2.0 * chord / (3.0 * (1.0 + cosine));
     let controls = [

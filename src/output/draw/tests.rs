@@ -309,8 +309,8 @@ fn drawn(curve: Curve, x: Range, y: Range) -> Vec<Vec<Point>> {
     lines.map(|l| l.into_iter().map(place).collect()).collect()
 }
 
-/// Four arcs with the tangents at their ends are a circle to 3e-4 of its radius, where chords miss it by 0.29, and nearly an ellipse where
-/// the axes have different scales.
+/// Four arcs with the tangents at their ends are a circle to 3e-4 of its radius, where chords miss it by
+/// 0.29, and nearly an ellipse where the axes have different scales.
 #[test]
 fn curves_are_drawn_with_their_tangents() {
     let ends = [(100.0, 0.0), (0.0, 100.0)];

@@ -26,12 +26,13 @@ pub(super) struct Graded<'t> {
     degree: Degree,
     /// Of a `Number`, else NaN.
     value: f64,
-    /// Set once the degrees found hold on a part of the space only, or a kink has curved tests. A `Number` has none.
+    /// Set once the degrees found hold on a part of the space only, or a kink has curved tests. A `Number`
+    /// has none.
     lost: Option<&'t Cell<bool>>,
 }
 
-/// Whether all of the given number of values, and all tests of kinks, are affine in the variables on each piece. `false` also where the
-/// formula branches on values: what the other branches do is not known then.
+/// Whether all of the given number of values, and all tests of kinks, are affine in the variables on each
+/// piece. `false` also where the formula branches on values: what the other branches do is not known then.
 pub(super) fn is_affine(
     variables: usize,
     values: usize,
@@ -57,7 +58,8 @@ impl<'t> Graded<'t> {
         }
     }
 
-    /// The value of an operation on two numbers; `degree` is asked for where one of them depends on something.
+    /// The value of an operation on two numbers; `degree` is asked for where one of them depends on
+    /// something.
     fn with(self, other: Self, value: f64, degree: impl FnOnce(Degree, Degree) -> Degree) -> Self {
         match self.lost.or(other.lost) {
             None => Self::from(value),
