@@ -14,7 +14,7 @@ use crate::exact::Exact;
 const MAX_WORK: usize = 1 << 23;
 
 /// An affine form of few unknowns: a constant, and coefficients in the order of the unknowns.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Terms {
     pub(crate) constant: Exact,
     pub(crate) terms: Vec<(usize, Exact)>,
@@ -60,6 +60,18 @@ impl Terms {
             constant: &self.constant + &(factor * &other.constant),
             terms,
         }
+    }
+
+    /// Whether it is a multiple of another form, 0 among them.
+    pub(crate) fn is_multiple_of(&self, other: &Self) -> bool {
+        let (Some((unknown, b)), false) = (other.terms.first(), *self == Self::default()) else {
+            return *self == Self::default();
+        };
+        let own = self.terms.iter().find(|t| t.0 == *unknown);
+        own.is_some_and(|(_, a)| {
+            let none = Self::default();
+            none.plus(b, self) == none.plus(a, other)
+        })
     }
 
     /// The form over the given number of unknowns, each in the given place.

@@ -47,9 +47,12 @@ pub trait NonsmoothFunction {
 
     /// Whether the function is affine apart from its kinks, in all variables (the parameter among them), and
     /// so are the arguments of the kinks: its curves are then polygons, followed from vertex to vertex in one
-    /// step. If a kink lies inside another, it is ignored. Default: found by tracing [`eval`](Self::eval);
-    /// `false` where it branches on [`value`](Real::value), and where terms of higher order cancel (x y − x
-    /// y). If your own answer is wrong, so are curves; [`check`](super::check) finds that out.
+    /// step. It is ignored if a kink lies inside another, and if the two formulas of a
+    /// [`switch`](Kinks::switch) are not exactly the same where its test vanishes.
+    ///
+    /// Default: found by tracing [`eval`](Self::eval); `false` where it branches on [`value`](Real::value),
+    /// and where terms of higher order cancel (x y − x y). If your own answer is wrong, so are curves;
+    /// [`check`](super::check) finds that out.
     fn is_piecewise_affine(&self) -> bool {
         affinity::is_affine(self.num_vars(), self.num_residuals(), |x, out| {
             self.eval(x, &mut Kinks::new(Mode::Switched), out);
@@ -353,7 +356,7 @@ impl<F: NonsmoothFunction> Traced<F> {
                 rows.push(row);
             }
         }
-        Self {
+        let mut traced = Self {
             coloring: Coloring::new(&pattern),
             affine: !nested && function.is_piecewise_affine(),
             function,
@@ -363,7 +366,9 @@ impl<F: NonsmoothFunction> Traced<F> {
             variables,
             nested,
             checked: AtomicBool::new(false),
-        }
+        };
+        traced.affine = traced.affine && traced.is_continuous_at_switches();
+        traced
     }
 
     /// Adds the entries of ∇H^(σ)(x) in the rows that `wanted` names, one evaluation for all columns of a colour.

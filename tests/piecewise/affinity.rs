@@ -10,7 +10,7 @@ use semismooth::piecewise::{Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Tra
 struct Formula(usize);
 
 /// The formulas, and whether they are affine on each piece.
-const FORMULAS: [(&str, bool); 40] = [
+const FORMULAS: [(&str, bool); 43] = [
     ("x + 3 a - 1", true),
     ("x/2 - a/3", true),
     ("x (2 + 3^2/exp(1)) - a", true),
@@ -20,7 +20,8 @@ const FORMULAS: [(&str, bool); 40] = [
     ("max(x, 1) + min(a, x) - abs(x - a)", true),
     ("project(-1, x, 1 + a)", true),
     ("switch(x, x, -x) - a", true),
-    ("switch(x, 2, 3) x - a", true),
+    ("switch(x - 1, 2 x - 1, x) - a", true),
+    ("switch(a, x, x) - a", true),
     ("max(1, 2) x - a", true),
     ("0 x a + x", true),
     ("max(x, a) 0 a + x", true),
@@ -46,6 +47,8 @@ const FORMULAS: [(&str, bool); 40] = [
     ("max(x a, 1)", false),
     ("switch(x^2 - 1, x, x) - a", false),
     ("switch(x, a, 1) x", false),
+    ("switch(x, 2, 3) x - a", false),
+    ("switch(x, x + 1, x) - a", false),
     ("x, where a kink without effect has curved tests", false),
     ("x or 2 x, as x is positive or not", false),
     ("x or x^2, as x equals 0 or not", false),
@@ -76,6 +79,9 @@ impl NonsmoothFunction for Formula {
             "project(-1, x, 1 + a)" => kinks.project(number(-1.0), x, a + 1.0),
             "switch(x, x, -x) - a" => kinks.switch(x, x, -x) - a,
             "switch(x, 2, 3) x - a" => kinks.switch(x, number(2.0), number(3.0)) * x - a,
+            "switch(x - 1, 2 x - 1, x) - a" => kinks.switch(x - 1.0, x * 2.0 - 1.0, x) - a,
+            "switch(a, x, x) - a" => kinks.switch(a, x, x) - a,
+            "switch(x, x + 1, x) - a" => kinks.switch(x, x + 1.0, x) - a,
             "max(1, 2) x - a" => kinks.max(number(1.0), number(2.0)) * x - a,
             "0 x a + x" => number(0.0) * x * a + x,
             "max(x, a) 0 a + x" => kinks.max(x, a) * 0.0 * a + x,

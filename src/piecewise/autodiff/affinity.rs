@@ -12,8 +12,6 @@ use crate::piecewise::Real;
 enum Degree {
     /// Not at all: it is known.
     Number,
-    /// It is a constant on each piece of the kinks.
-    Constant,
     /// It is affine on each piece of the kinks.
     Affine,
     /// In any other way, or not known.
@@ -82,17 +80,13 @@ impl<'t> Graded<'t> {
         if vanishes(self, other) || vanishes(other, self) {
             return Self::from(0.0);
         }
-        self.with(other, self.value * other.value, |a, b| {
-            if a.min(b) <= Degree::Constant {
-                a.max(b)
-            } else {
-                Degree::Curved
-            }
+        self.with(other, self.value * other.value, |a, b| match a.min(b) {
+            Degree::Number => a.max(b),
+            _ => Degree::Curved,
         })
     }
 
     fn over(self, other: Self) -> Self {
-        // A divisor that is constant on each piece may vanish on one of them.
         let fine = other.degree == Degree::Number && other.value != 0.0;
         self.with(other, self.value / other.value, |a, b| {
             if fine { a.max(b) } else { Degree::Curved }
@@ -251,9 +245,10 @@ impl Real for Graded<'_> {
         if tests.iter().any(|t| t.degree() == Degree::Curved) {
             lost.set(true);
         }
+        // Of constants, too, it is no number.
         let degree = pieces.iter().map(|p| p.degree()).max();
         Self {
-            degree: degree.map_or(Degree::Curved, |d| d.max(Degree::Constant)),
+            degree: degree.map_or(Degree::Curved, |d| d.max(Degree::Affine)),
             value: f64::NAN,
             lost: Some(lost),
         }
