@@ -205,6 +205,7 @@ fn of_every_build() -> Vec<&'static str> {
         "continuation::SmoothFold": continuation::SmoothFold,
         "continuation::DiagramSolution": continuation::DiagramSolution,
         "continuation::SolutionsAt": continuation::SolutionsAt,
+        "continuation::StepRule": continuation::StepRule,
         "continuation::Strategy": continuation::Strategy,
         "continuation::Termination": continuation::Termination,
         "continuation::Transition": continuation::Transition,

@@ -47,6 +47,8 @@ impl Vertex {
 pub(crate) struct Edge {
     /// Its points from end to end, shape (k, m).
     points: Py<PyArray2<f64>>,
+    /// Unit tangents along it, shape (k, m).
+    tangents: Py<PyArray2<f64>>,
     /// The piece of each site on it, by name.
     pieces: Vec<String>,
     /// Indices of the vertices at its ends; equal for a closed curve.
@@ -108,6 +110,7 @@ impl Diagram {
             let selection = e.points.get(e.points.len() / 2).map(|p| &p.selection);
             let edge = Edge {
                 points: rows(py, m, e.points.iter().map(|p| p.x.as_slice()))?.unbind(),
+                tangents: rows(py, m, e.points.iter().map(|p| p.tangent.as_slice()))?.unbind(),
                 pieces: selection.map_or_else(Vec::new, |s| names.owned(s)),
                 ends: (e.from.vertex, e.to.vertex),
                 det_signs: e.det_signs(),

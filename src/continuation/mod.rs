@@ -32,7 +32,7 @@ pub use diagram::{
     DiagramVertex, EdgeEnd, Limit, Progress, SectionProgress, SolutionsAt, VertexArm, VertexKind,
 };
 pub use error::ContinuationError;
-pub use options::{ContinuationOptions, Strategy};
+pub use options::{ContinuationOptions, StepRule, Strategy};
 pub use point::{Certainty, PointAnalysis, PointDoubt};
 pub(crate) use pursuit::pursue;
 pub use record::{

@@ -1,3 +1,4 @@
+mod affinity;
 mod dual;
 mod exact;
 mod expansions;
@@ -48,11 +49,18 @@ pub trait NonsmoothFunction {
     /// Typical sizes of the variables, as [`PiecewiseSmooth::typical_sizes`]. Default: unchanged.
     fn typical_sizes(&self, _sizes: &mut [f64]) {}
 
-    /// Whether the function is affine apart from its kinks, in all variables (the parameter among them), and so are the arguments of the
-    /// kinks: its curves are then polygons, followed from vertex to vertex in one step. If this is declared wrongly, curves are wrong;
-    /// if a kink lies inside another, it is ignored. Default: `false`.
+    /// Whether the function is affine apart from its kinks, in all variables (the parameter among them), and
+    /// so are the arguments of the kinks: its curves are then polygons, followed from vertex to vertex in one
+    /// step. It is ignored if a kink lies inside another, and if the two formulas of a
+    /// [`switch`](Kinks::switch) are not exactly the same where its test vanishes.
+    ///
+    /// Default: found by tracing [`eval`](Self::eval); `false` where it branches on [`value`](Real::value),
+    /// and where terms of higher order cancel (x y − x y). If your own answer is wrong, so are curves;
+    /// [`check`](super::check) finds that out.
     fn is_piecewise_affine(&self) -> bool {
-        false
+        affinity::is_affine(self.num_vars(), self.num_residuals(), |x, out| {
+            self.eval(x, &mut Kinks::new(Mode::Switched), out);
+        })
     }
 
     /// Name of a site, in the order of the calls on `kinks`, for tables and pictures. Default: none, the site has a number.
@@ -95,7 +103,7 @@ enum Mode<'a, T> {
     Pieces(Option<&'a Selection>, &'a mut [T]),
     /// All pieces at once.
     Joined,
-    /// Every kink as an unknown.
+    /// Every kink as an unknown, or as what is true of all its pieces.
     Switched,
     /// All pieces at once; sites are indexed after the variables, labels begin at the index `first`, and the labels of the test functions
     /// go to the list.
@@ -145,7 +153,7 @@ impl<'a, T: Real> Kinks<'a, T> {
                 selection.map_or_else(natural, |s| s.piece(site))
             }
             Mode::Joined => return pieces[0].joined(&pieces, None),
-            Mode::Switched => return T::switched(tests, &pieces),
+            Mode::Switched => return T::switched(tests, &pieces, natural),
             Mode::Labelled {
                 behind,
                 first,
@@ -270,6 +278,9 @@ pub struct Traced<F> {
     variables: Vec<Vec<usize>>,
     /// Whether the test functions of one kink depend on another.
     nested: bool,
+    /// Whether pieces and test functions are affine: those of an outer kink are on the pieces of the inner
+    /// one only.
+    affine: bool,
     /// Whether the pattern was compared with the function at a point.
     checked: AtomicBool,
 }
@@ -284,14 +295,16 @@ impl<F: Clone> Clone for Traced<F> {
             rows: self.rows.clone(),
             variables: self.variables.clone(),
             nested: self.nested,
+            affine: self.affine,
             checked: AtomicBool::new(self.checked.load(Ordering::Relaxed)),
         }
     }
 }
 
 impl<F: NonsmoothFunction> Traced<F> {
-    /// Finds the kinks of `function`, which residuals depend on which of them, and where Jacobians have entries, by evaluations at x = 0
-    /// (and at a second point for the pattern).
+    /// Finds the kinks of `function`, which residuals depend on which of them, where Jacobians have entries,
+    /// and whether it is affine apart from the kinks, by evaluations at x = 0 (and at a second point for the
+    /// pattern).
     pub fn new(function: F) -> Self {
         let (n, m) = (function.num_residuals(), function.num_vars());
         let mut kinds = Vec::new();
@@ -322,8 +335,9 @@ impl<F: NonsmoothFunction> Traced<F> {
                 rows.push(row);
             }
         }
-        Self {
+        let mut traced = Self {
             coloring: Coloring::new(&pattern),
+            affine: !nested && function.is_piecewise_affine(),
             function,
             kinds,
             pattern,
@@ -331,7 +345,9 @@ impl<F: NonsmoothFunction> Traced<F> {
             variables,
             nested,
             checked: AtomicBool::new(false),
-        }
+        };
+        traced.affine = traced.affine && traced.is_continuous_at_switches();
+        traced
     }
 
     /// Adds the entries of ∇H^(σ)(x) in the rows that `wanted` names, one evaluation for all columns of a colour.
@@ -475,8 +491,7 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
     }
 
     fn is_piecewise_affine(&self) -> bool {
-        // The test functions of an outer kink are affine on the pieces of the inner one only.
-        self.function.is_piecewise_affine() && !self.nested
+        self.affine
     }
 
     fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {

@@ -1,4 +1,5 @@
-//! Diagrams: complete solution sets of the seed's examples, branchings, closed curves, starts on the same curve.
+//! Diagrams: complete solution sets of the printed examples, branchings, closed curves, starts on the same
+//! curve.
 
 use crate::common;
 use std::ops::ControlFlow;
@@ -44,7 +45,7 @@ const EXPECTED: [Expected; 6] = [
 ];
 
 #[test]
-fn the_examples_of_the_seed_are_complete() {
+fn the_printed_examples_are_complete() {
     for (name, from, branches, components) in EXPECTED {
         let case = cases().into_iter().find(|c| c.name == name).unwrap();
         let map = &case.problem;

@@ -104,7 +104,7 @@ fn check<P: PiecewiseSmooth>(map: &P, starts: &[Vec<f64>], options: &DiagramOpti
 }
 
 #[test]
-fn the_examples_of_the_seed() {
+fn the_printed_examples() {
     for (name, states) in [
         ("p1_ex2", ["K", "O"]),
         ("p1_ex3", ["K", "O"]),

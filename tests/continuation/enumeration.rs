@@ -90,7 +90,7 @@ fn compare<V: View>(map: &Contact<V, PlanarCoulomb>, case: &common::Case) {
 }
 
 #[test]
-fn lists_of_the_seed_are_complete() {
+fn lists_of_the_printed_examples_are_complete() {
     for case in cases() {
         compare(&case.problem, &case);
         compare(&case.problem.condensed().unwrap(), &case);

@@ -393,6 +393,7 @@ class _ContinuationOptions(TypedDict, total=False):
     min_step: float
     max_step: float
     growth: float
+    step_rule: str
     shrink: float
     residual_tolerance: float
     step_tolerance: float
@@ -474,6 +475,8 @@ class Vertex:
 class Edge:
     @property
     def points(self) -> _Vector: ...
+    @property
+    def tangents(self) -> _Vector: ...
     @property
     def pieces(self) -> list[str]: ...
     @property

@@ -1,4 +1,5 @@
 use super::*;
+use crate::output::diagram::{Curve, SegmentStyle};
 
 fn blue() -> SegmentStyle {
     SegmentStyle::new("blue <&> \"quoted\"", Colour::BLUE)
@@ -264,6 +265,144 @@ fn notes_keep_clear_of_curves_and_of_each_other() {
     }
 }
 
+/// A quarter of the unit circle for each of `parts`, with the tangents at its ends.
+fn circle(parts: &[usize]) -> Curve {
+    let at = |k: usize| {
+        let (s, c) = (std::f64::consts::FRAC_PI_2 * k as f64).sin_cos();
+        ((c, s), (-s, c))
+    };
+    let corners: Vec<usize> = parts.iter().copied().chain(parts.last().map(|k| k + 1)).collect();
+    Curve {
+        tangents: parts.iter().map(|&k| [at(k).1, at(k + 1).1]).collect(),
+        ..Curve::line(corners.iter().map(|&k| at(k).0).collect(), blue())
+    }
+}
+
+/// The curve of a picture as chords, in the coordinates of its panel, which has the given ranges.
+fn drawn(curve: Curve, x: Range, y: Range) -> Vec<Vec<Point>> {
+    let panel = Panel::new("x", "y")
+        .with_curve(curve)
+        .with_x_range(x.0, x.1)
+        .with_y_range(y.0, y.1);
+    let shapes = shapes(&BranchDiagram::new(panel)).unwrap();
+    let frame: Vec<Pixel> = shapes
+        .iter()
+        .find_map(|s| match s {
+            Shape::Line { points, .. } if points.len() == 5 => Some(points.clone()),
+            _ => None,
+        })
+        .unwrap();
+    let share = |v: f64, from: f64, to: f64| (v - from) / (to - from);
+    let place = |p: Pixel| {
+        let (s, t) = (
+            share(p.0, frame[0].0, frame[1].0),
+            share(p.1, frame[0].1, frame[2].1),
+        );
+        (x.0 + s * (x.1 - x.0), y.0 + t * (y.1 - y.0))
+    };
+    let lines = shapes.iter().filter_map(|s| match s {
+        Shape::Line {
+            points, bends, width, ..
+        } if *width == CURVE => Some(shape::flat(points, bends)),
+        _ => None,
+    });
+    lines.map(|l| l.into_iter().map(place).collect()).collect()
+}
+
+/// Four arcs with the tangents at their ends are a circle to 3e-4 of its radius, where chords miss it by
+/// 0.29, and nearly an ellipse where the axes have different scales.
+#[test]
+fn curves_are_drawn_with_their_tangents() {
+    let ends = [(100.0, 0.0), (0.0, 100.0)];
+    let quarter = lines::bend(ends[0], ends[1], [(0.0, 1e-3), (-7.0, 0.0)]);
+    let chords = shape::flat(&ends, &[quarter]);
+    assert_eq!(chords.len(), 17);
+    assert!(
+        chords.iter().all(|p| (p.0.hypot(p.1) / 100.0 - 1.0).abs() < 3e-4),
+        "{chords:?}"
+    );
+    for wide in [1.5, 6.0] {
+        let lines = drawn(circle(&[0, 1, 2, 3]), (-wide, wide), (-1.2, 1.2));
+        assert_eq!(lines.len(), 1);
+        assert_eq!(lines[0].len(), 1 + 4 * 16);
+        let off = lines[0]
+            .iter()
+            .map(|p| (p.0.hypot(p.1) - 1.0).abs())
+            .fold(0.0, f64::max);
+        assert!(off < if wide < 2.0 { 0.01 } else { 0.06 }, "{off}");
+    }
+}
+
+#[test]
+fn arcs_are_cut_at_the_axes() {
+    let lines = drawn(circle(&[0, 1, 2, 3]), (-0.8, 0.8), (0.0, 2.0));
+    // The upper half without its ends.
+    assert_eq!(lines.len(), 1);
+    let points = lines.concat();
+    assert!(
+        points.iter().all(|p| p.0.abs() <= 0.8 + 1e-9 && p.1 >= -1e-9),
+        "{points:?}"
+    );
+    let off = points
+        .iter()
+        .map(|p| (p.0.hypot(p.1) - 1.0).abs())
+        .fold(0.0, f64::max);
+    assert!(off < 0.02, "{off}");
+    assert!((points[0].0 - 0.8).abs() < 1e-9 && (points[points.len() - 1].0 + 0.8).abs() < 1e-9);
+}
+
+/// Tangents along the chord leave a line a line, and what has no direction is straight.
+#[test]
+fn straight_pieces_stay_lines() {
+    let chords = |tangents: Vec<[Point; 2]>| {
+        let curve = Curve {
+            tangents,
+            ..Curve::line(vec![(0.0, 0.0), (1.0, 2.0), (1.0, 3.0)], blue())
+        };
+        BranchDiagram::new(Panel::new("x", "y").with_curve(curve))
+            .to_svg()
+            .unwrap()
+    };
+    let plain = chords(Vec::new());
+    assert!(plain.contains("<polyline") && !plain.contains("<path"));
+    for along in [
+        [(1e-9, 2e-9), (1e9, 2e9)],
+        [(f64::NAN, 1.0), (1.0, 0.0)],
+        [(0.0, 0.0), (1.0, 0.0)],
+    ] {
+        assert_eq!(chords(vec![along, [(0.0, 1.0); 2]]), plain);
+    }
+    let bent = chords(vec![[(1.0, 0.0), (0.0, 1.0)], [(0.0, 1.0); 2]]);
+    assert_well_formed(&bent);
+    // The bend, and the line behind it.
+    let path = bent.split(" d=\"").nth(1).unwrap().split('"').next().unwrap();
+    let commands: String = path.chars().filter(|c| c.is_alphabetic()).collect();
+    assert_eq!(commands, "MCL");
+}
+
+/// y = 10^x is straight on a logarithmic ordinate, with or without its tangents.
+#[test]
+fn tangents_are_those_of_the_axes() {
+    let at = |x: f64| (x, 10.0_f64.powf(x));
+    let slope = |x: f64| (1.0, std::f64::consts::LN_10 * 10.0_f64.powf(x));
+    let curve = Curve {
+        tangents: vec![[slope(0.0), slope(1.0)], [slope(1.0), slope(3.0)]],
+        ..Curve::line(vec![at(0.0), at(1.0), at(3.0)], blue())
+    };
+    let picture = |curve, log: bool| {
+        let panel = Panel::new("x", "y").with_curve(curve);
+        BranchDiagram::new(if log { panel.with_log_y() } else { panel })
+            .to_svg()
+            .unwrap()
+    };
+    let polygon = Curve {
+        tangents: Vec::new(),
+        ..curve.clone()
+    };
+    assert_eq!(picture(curve.clone(), true), picture(polygon, true));
+    assert!(picture(curve, false).contains("<path"));
+}
+
 #[path = "../../../tests/support/vision.rs"]
 mod vision;
 
@@ -313,5 +452,8 @@ mod pages {
                 .count()
         };
         assert_eq!(text.matches(" c\n").count(), 4 * circles(&d));
+        let arcs = BranchDiagram::new(Panel::new("x", "y").with_curve(circle(&[0, 1, 2])));
+        let page = arcs.to_pdf().unwrap();
+        assert_eq!(String::from_utf8_lossy(&page).matches(" c\n").count(), 3);
     }
 }
