@@ -295,7 +295,7 @@ impl<'a> Curve<'a> {
         let arms = self.all_arms(&vanishing)?;
         let arm = choose_start(&arms, &direction)?;
         self.adopt(arm, &vanishing)?;
-        self.doubt_orientation()?;
+        self.doubt_orientation(arm)?;
         self.emit_start();
         Ok(())
     }
@@ -312,9 +312,10 @@ impl<'a> Curve<'a> {
         }
         let mut arm = arm.clone();
         self.map.scale_direction(&mut arm.tangent);
+        self.map.scale(&mut arm.probe);
         let vanishing = self.vanishing_here(&[]);
         self.adopt(&arm, &vanishing)?;
-        self.doubt_orientation()?;
+        self.doubt_orientation(&arm)?;
         self.emit_start();
         Ok(())
     }
@@ -522,7 +523,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
     ) -> Result<Self, ContinuationError> {
         let mut this = prepared_on(&map, x, options)?.with_map(map);
         this.erased_mut().leave_along(arm)?;
-        if singular {
+        if singular && arm.probe.is_empty() {
             this.here.orientation = None;
             this.here.det_sign = None;
             this.here.decline = None;

@@ -347,7 +347,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         let (v, incoming, others) = match known {
             Some(v) => {
                 let incoming = self.slot_of_arrival(v, arc, &point, &meeting.incoming);
-                let others = meeting.others.iter().map(|a| self.slot(v, a, a.probe.as_slice()));
+                let others = meeting.others.iter().map(|a| self.slot(v, a));
                 (v, incoming, others.collect::<Vec<usize>>())
             }
             None => {
@@ -414,7 +414,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             let arm = if k == first {
                 end.arm
             } else {
-                self.slot(v, other, &other.probe)
+                self.slot(v, other)
             };
             if Some(k) != meeting.followed {
                 self.pending.push_back(EdgeEnd { vertex: v, arm });
@@ -427,16 +427,14 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         meeting.followed.map(|_| end)
     }
 
-    /// The arm of a vertex that is this one, added if there is none: the nearest by a point at the distance of the corrected points of its
-    /// arms, or else by the tangents.
-    fn slot(&mut self, v: usize, arm: &Arm, point: &[f64]) -> usize {
+    /// The arm of a vertex that is this one, added if there is none: the nearest by the corrected points of both, or else by the tangents.
+    fn slot(&mut self, v: usize, arm: &Arm) -> usize {
         let vertex = &mut self.diagram.vertices[v];
         let far = |k: &usize| {
             let own = &vertex.arms[*k].arm;
-            match point {
-                [] => distance(&own.tangent, &arm.tangent),
-                _ if own.probe.is_empty() => distance(&own.tangent, &arm.tangent),
-                point => distance(&own.probe, point) / distance(&own.probe, &vertex.x),
+            match (own.probe.is_empty(), arm.probe.is_empty()) {
+                (false, false) => distance(&own.probe, &arm.probe) / distance(&own.probe, &vertex.x),
+                _ => distance(&own.tangent, &arm.tangent),
             }
         };
         let nearest = (0..vertex.arms.len()).min_by(|i, j| far(i).total_cmp(&far(j)));
@@ -453,10 +451,23 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
     /// The arm of a known vertex along which an arc arrives.
     fn slot_of_arrival(&mut self, v: usize, arc: &Arc, point: &Point, incoming: &Arm) -> usize {
         let vertex = &self.diagram.vertices[v];
-        let probe = vertex.arms.iter().map(|a| &a.arm.probe).find(|p| !p.is_empty());
-        let radius = probe.map_or(0.0, |p| distance(p, &vertex.x));
-        let behind = (radius > 0.0).then(|| behind(self.map, arc, point, radius)).flatten();
-        self.slot(v, incoming, &behind.unwrap_or_default())
+        let mut nearest: Option<(f64, usize)> = None;
+        for (k, slot) in vertex.arms.iter().enumerate() {
+            let probe = &slot.arm.probe;
+            let radius = if probe.is_empty() { 0.0 } else { distance(probe, &vertex.x) };
+            let point = (radius > 0.0).then(|| behind(self.map, arc, point, radius)).flatten();
+            let far = match point {
+                Some(point) => distance(probe, &point) / radius,
+                None => distance(&slot.arm.tangent, &incoming.tangent),
+            };
+            if dot(&slot.arm.tangent, &incoming.tangent) > NEAR && nearest.is_none_or(|n| far < n.0) {
+                nearest = Some((far, k));
+            }
+        }
+        match nearest {
+            Some((_, k)) => k,
+            None => self.slot(v, incoming),
+        }
     }
 
     /// Stores an arc as an edge; `false` if it arrives along an arm that has one.

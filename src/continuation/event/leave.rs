@@ -30,6 +30,25 @@ impl Curve<'_> {
         self.here.s = 0.0;
         self.linearize_here()?;
         self.find_coactive()?;
+        if !arm.probe.is_empty() && !self.map.is_piecewise_affine() {
+            self.take_signs_at(&arm.probe)?;
+        }
+        Ok(())
+    }
+
+    /// Takes the signs of determinants from a point of the arm on which the curve leaves: at the point itself they may be rounding noise.
+    fn take_signs_at(&mut self, probe: &[f64]) -> Result<(), ContinuationError> {
+        let t = self.here.t.clone();
+        for k in 0..self.coactive.len() {
+            let selection = self.coactive[k].0.clone();
+            self.coactive[k].1 = self.orientation_of(&selection, probe, &t)?;
+        }
+        let selection = self.selection.clone();
+        if self.is_singular_here(&selection)? {
+            self.here.decline = None;
+        }
+        self.here.orientation = self.orientation_of(&selection, probe, &t)?;
+        self.here.det_sign = self.corrector.det_sign();
         Ok(())
     }
 
@@ -98,9 +117,9 @@ impl Curve<'_> {
         Ok(!affine && self.search(&[]).is_singular(selection)?)
     }
 
-    /// Resets the orientation where a curve leaves a branch point.
-    pub(in crate::continuation) fn doubt_orientation(&mut self) -> Result<(), ContinuationError> {
-        if self.is_singular_here(&self.selection.clone())? {
+    /// Resets the orientation where a curve leaves a branch point along an arm on which no other point is known.
+    pub(in crate::continuation) fn doubt_orientation(&mut self, arm: &Arm) -> Result<(), ContinuationError> {
+        if arm.probe.is_empty() && self.is_singular_here(&self.selection.clone())? {
             self.here.orientation = None;
             self.here.det_sign = None;
             self.here.decline = None;

@@ -62,7 +62,7 @@ impl Curve<'_> {
         };
         let mut left = self.adopt(&arms.list[k], &vanishing);
         if left.is_ok() && !simple {
-            left = self.doubt_orientation();
+            left = self.doubt_orientation(&arms.list[k]);
         }
         if left.is_ok() {
             record.det_sign = self.det_sign_here();
@@ -129,22 +129,22 @@ impl Curve<'_> {
             apart.all(|site| a.grazing.contains(&site))
         };
         let candidates: Vec<usize> = (0..arms.list.len()).filter(|&k| own(&arms.list[k])).collect();
-        let probe = candidates.iter().map(|&k| &arms.list[k].probe).find(|p| !p.is_empty());
-        let behind = match probe.map(|p| distance(p, &self.here.x)) {
-            Some(radius) if candidates.len() > 1 => self.point_behind(radius)?,
-            _ => None,
-        };
         let back: Vec<f64> = self.here.t.iter().map(|t| -t).collect();
-        let far = |k: usize| {
+        let mut nearest: Option<(f64, usize)> = None;
+        for &k in &candidates {
             let arm = &arms.list[k];
-            match &behind {
-                Some(point) if !arm.probe.is_empty() => distance(&arm.probe, point),
-                _ => distance(&arm.tangent, &back),
+            let radius = if arm.probe.is_empty() { 0.0 } else { distance(&arm.probe, &self.here.x) };
+            let point = if radius > 0.0 { self.point_behind(radius)? } else { None };
+            let far = match point {
+                Some(point) => distance(&arm.probe, &point) / radius,
+                None => distance(&arm.tangent, &back),
+            };
+            if nearest.is_none_or(|n| far < n.0) {
+                nearest = Some((far, k));
             }
-        };
-        let nearest = candidates.into_iter().min_by(|&i, &j| far(i).total_cmp(&far(j)));
+        }
         let opposite = |k: usize| dot(&arms.list[k].tangent, &back) <= 0.0;
-        Ok(nearest.filter(|&k| !opposite(k)).map(|k| arms.list.remove(k)))
+        Ok(nearest.filter(|n| !opposite(n.1)).map(|n| arms.list.remove(n.1)))
     }
 
     /// The point of the last step at a distance before `here`.
@@ -279,6 +279,9 @@ impl Curve<'_> {
         self.emit(Event::BranchPoint(event));
         let mut watched = std::mem::take(&mut self.coactive);
         self.adopt(&arms.list[k], &vanishing)?;
+        if !arms.list[k].probe.is_empty() {
+            return Ok(());
+        }
         // At the point itself signs are rounding noise; beyond it exactly one has flipped.
         match coactive {
             Some(k) => {

@@ -10,6 +10,9 @@ use crate::sparse::{distance, dot, norm};
 /// Distances of the corrected points from the point, in balanced units: the first at which all arms are found and separate serves.
 const RADII: [f64; 6] = [3.9e-3, 4.9e-4, 6.1e-5, 7.6e-6, 9.5e-7, 1.2e-7];
 
+/// Cosine of an angle between arms that are compared with each other; it is no criterion of identity.
+const NEAR: f64 = 0.5;
+
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     /// Moves the arms found to the list: each once, with a corrected point where tangents alone do not tell them apart.
     pub(super) fn settle(&mut self, arms: &mut Arms) -> Result<(), PiecewiseError> {
@@ -57,11 +60,16 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     /// A corrected point on each arm at one distance; `None` where one is not found near its expansion, or lies outside of its cell.
     fn probes(&mut self, found: &mut [Found], radius: f64) -> Result<Option<Vec<Vec<f64>>>, PiecewiseError> {
         let mut probes = Vec::with_capacity(found.len());
-        for f in found.iter_mut() {
-            let Some(probe) = self.probe(f, radius)? else {
+        let mut lengths: Vec<f64> = Vec::with_capacity(found.len());
+        for k in 0..found.len() {
+            // Arms that may be the same are compared at the same distance, whatever the units of their selections.
+            let near = |j: &usize| dot(&found[*j].arm.tangent, &found[k].arm.tangent) > NEAR;
+            let length = (0..k).find(near).map_or(radius * found[k].unit, |j| lengths[j]);
+            lengths.push(length);
+            let Some(probe) = self.probe(&found[k], length / found[k].unit)? else {
                 return Ok(None);
             };
-            f.arm.probe.clone_from(&probe);
+            found[k].arm.probe.clone_from(&probe);
             probes.push(probe);
         }
         Ok(Some(probes))
@@ -147,7 +155,7 @@ fn merged(found: Vec<Found>, probes: &[Vec<f64>]) -> Vec<Found> {
                 .map(|k| distance(&probes[k], &probes[i]).min(distance(&probes[k], &probes[j])))
                 .filter(|d| *d > 0.0)
                 .fold(f64::INFINITY, f64::min);
-            if a.selection != b.selection && shared && apart <= 0.5 * clear && dot(&a.tangent, &b.tangent) > 0.5 {
+            if a.selection != b.selection && shared && apart <= 0.5 * clear && dot(&a.tangent, &b.tangent) > NEAR {
                 let worse = if a.grazing.len() < b.grazing.len() { j } else { i };
                 gone[worse] = true;
             }

@@ -66,9 +66,9 @@ fn product_down(a: f64, b: f64) -> f64 {
     }
 }
 
-/// a / b rounded down, b ≠ 0; 0 for an infinite divisor, the limit of quotients by large numbers.
+/// a / b rounded down, b ≠ 0.
 fn quotient_down(a: f64, b: f64) -> f64 {
-    if a == 0.0 || b.is_infinite() {
+    if a == 0.0 {
         return 0.0;
     }
     let (a, b) = if b < 0.0 { (-a, -b) } else { (a, b) };
@@ -197,7 +197,7 @@ impl Interval {
         }
         let turns = self.quarter_turns();
         let (low, high) = (turns.low, turns.high);
-        let known = high - low < 4.0 && turns.modulus().high < MANY_TURNS;
+        let known = turns.modulus().high < MANY_TURNS;
         let at_ends = [f(self.low), f(self.high)];
         let least = at_ends[0].min(at_ends[1]);
         let most = at_ends[0].max(at_ends[1]);
@@ -251,7 +251,7 @@ impl Sub for Interval {
     }
 }
 
-/// The hull of what pairs of ends give, each rounded down and up.
+/// The hull of what pairs of ends give, each rounded down and up; that of two infinite ends is no number and says nothing.
 fn hull(pairs: [(f64, f64); 4], down: fn(f64, f64) -> f64) -> Interval {
     let ends = pairs.map(|(a, b)| (down(a, b), -down(-a, b)));
     Interval::new(

@@ -23,44 +23,46 @@ fn whole(random: &mut Random) -> f64 {
 #[test]
 fn arithmetic_is_rounded_outward_to_the_next_number() {
     let mut random = Random::new(1);
-    let mut inexact = [0; 3];
+    let mut inexact = [0; 4];
     for _ in 0..10_000 {
         let (a, b) = (whole(&mut random), whole(&mut random));
         let short = (random.symmetric() * 2.0_f64.powi(53)).trunc();
         let (exact_a, exact_b) = (a as i128, b as i128);
         let [x, y] = [a, b].map(Interval::from);
-        let mut check = |k: usize, found: Interval, low: bool, high: bool| {
-            assert!(
-                low && high && found.high <= found.low.next_up(),
-                "{a} {b} {found:?}"
-            );
+        let mut check = |k: usize, found: Interval, encloses: bool| {
+            assert!(encloses && found.high <= found.low.next_up(), "{k} {found:?}");
             inexact[k] += i32::from(!found.is_point());
         };
-        let sum = x + y;
-        let exact = exact_a + exact_b;
-        check(0, sum, sum.low as i128 <= exact, exact <= sum.high as i128);
+        // Sums in a small unit, so that errors are far below 1.
+        let unit = 2.0_f64.powi(-200);
+        let sum = x * unit + y * unit;
+        let [low, high] = [sum.low, sum.high].map(|end| (end / unit) as i128);
+        check(0, sum, low <= exact_a + exact_b && exact_a + exact_b <= high);
         let first = (random.symmetric() * 2.0_f64.powi(53)).trunc();
-        let product = Interval::from(first) * Interval::from(short);
+        let product = Interval::from(first) * short;
         let exact = first as i128 * short as i128;
         check(
             1,
             product,
-            product.low as i128 <= exact,
-            exact <= product.high as i128,
+            product.low as i128 <= exact && exact <= product.high as i128,
         );
-        // |a| / short is above 2⁻¹: 2⁵⁵ times its ends are whole numbers.
+        // Quotients from 2²⁴ on have at most 28 binary places, roots from 2²⁶ on 26.
         let (a, divisor) = (first.abs() + 1.0, (short.abs() / 2.0_f64.powi(30)).trunc() + 1.0);
-        let quotient = Interval::from(a) / Interval::from(divisor);
-        let scaled = |end: f64| (end * 2.0_f64.powi(29)) as i128 * divisor as i128;
-        let exact = (a as i128) << 29;
-        let whole = (a / divisor) >= 2.0_f64.powi(24);
-        if whole {
+        if a / divisor >= 2.0_f64.powi(24) {
+            let quotient = Interval::from(a) / divisor;
+            let times = |end: f64| (end * 2.0_f64.powi(28)) as i128 * divisor as i128;
+            let exact = (a as i128) << 28;
             check(
                 2,
                 quotient,
-                scaled(quotient.low) <= exact,
-                exact <= scaled(quotient.high),
+                times(quotient.low) <= exact && exact <= times(quotient.high),
             );
+        }
+        if a >= 2.0_f64.powi(52) {
+            let root = Interval::from(a).sqrt();
+            let squared = |end: f64| ((end * 2.0_f64.powi(26)) as i128).pow(2);
+            let exact = (a as i128) << 52;
+            check(3, root, squared(root.low) <= exact && exact <= squared(root.high));
         }
     }
     assert!(inexact.iter().all(|k| *k > 1000), "{inexact:?}");
@@ -83,6 +85,14 @@ fn extreme_numbers() {
     assert_eq!((Interval::from(1e-320) / 3.0).is_point(), false);
     let quotient = Interval::from(tiny) / -3.0;
     assert_eq!(quotient.ends(), (-tiny, 0.0));
+    // 3.75 and 4.28 times the smallest number, with remainders that underflow.
+    for divisor in [0.8, 0.7] {
+        let quotient = Interval::from(3.0 * tiny) / divisor;
+        let (low, high) = if divisor == 0.8 { (3.0, 4.0) } else { (4.0, 5.0) };
+        assert_eq!(quotient.ends(), (low * tiny, high * tiny));
+    }
+    assert_eq!((Interval::from(3.0 * tiny) * 0.3).ends(), (0.0, tiny));
+    assert_eq!((Interval::from(3.0 * tiny) * 0.6).ends(), (tiny, 2.0 * tiny));
     let large = Interval::from(f64::MAX) + f64::MAX;
     assert_eq!(large.ends(), (f64::MAX, f64::INFINITY));
     assert_eq!((large - large).ends(), (f64::NEG_INFINITY, f64::INFINITY));
@@ -92,10 +102,47 @@ fn extreme_numbers() {
     );
     assert_eq!((large * 0.0).ends(), (0.0, 0.0));
     assert_eq!((Interval::from(1.0) / large).low, 0.0);
+    assert_eq!((large / large).ends(), (0.0, f64::INFINITY));
+    assert_eq!((-large / large).ends(), (f64::NEG_INFINITY, 0.0));
+    let far = Interval::from(1e300).sin();
+    assert_eq!(
+        (far.ends(), Interval::from(1e300).cos().ends()),
+        ((-1.0, 1.0), (-1.0, 1.0))
+    );
+    assert!(Interval::from(1e300).tan().is_undefined());
     assert_inside(0.0, Interval::from(-800.0).exp(), "e⁻⁸⁰⁰");
     assert_eq!(Interval::from(800.0).exp().high, f64::INFINITY);
     assert!(Interval::from(800.0).exp().low.is_finite());
     assert_eq!(Interval::from(f64::INFINITY).ends(), (f64::MAX, f64::INFINITY));
+}
+
+/// eˣ, sin x, cos x, sinh x and cosh x from their series in whole numbers, in units of 2⁻¹⁰⁰: no other place of the library is asked.
+#[test]
+fn functions_of_the_library_are_enclosed() {
+    let unit = 2.0_f64.powi(100);
+    for k in (1_i128..1 << 20).step_by(997) {
+        let x = k as f64 / 2.0_f64.powi(20);
+        let mut sums = [0_i128; 5];
+        let mut term = 1_i128 << 100;
+        for n in 0..30 {
+            let sign = if n % 4 < 2 { term } else { -term };
+            let (odd, even) = (n % 2, 1 - n % 2);
+            for (sum, term) in sums
+                .iter_mut()
+                .zip([term, odd * sign, even * sign, odd * term, even * term])
+            {
+                *sum += term;
+            }
+            term = term * k / (n + 1) / (1 << 20);
+        }
+        let point = Interval::from(x);
+        let found = [point.exp(), point.sin(), point.cos(), point.sinh(), point.cosh()];
+        for (sum, found) in sums.iter().zip(found) {
+            // Every term was rounded to a unit.
+            let (low, high) = ((found.low * unit) as i128, (found.high * unit) as i128);
+            assert!(low + 100 < *sum && *sum < high - 100, "{x}: {found:?}");
+        }
+    }
 }
 
 #[test]
