@@ -1,8 +1,8 @@
 //! What the crate says of a map, in the words of the catalogue. This file alone knows the types of its answers.
 
 use semismooth::continuation::{
-    self, Arm, Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, VertexKind,
-    arms_at,
+    self, Arm, Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, Termination,
+    VertexKind, arms_at,
 };
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 
@@ -12,8 +12,11 @@ use crate::forms::Kind;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Certainty {
     /// It claims so, within a radius about the point in typical sizes.
-    Complete { radius: f64 },
-    /// It found no other and claims nothing.
+    Complete {
+        radius: f64,
+    },
+    /// It found no other and claims nothing. (No answer of the crate says so yet.)
+    #[allow(dead_code)]
     Estimated,
     Undecided,
 }
@@ -72,7 +75,9 @@ fn found(arm: &Arm) -> FoundArm {
 
 fn certainty(complete: bool) -> Certainty {
     match complete {
-        true => Certainty::Complete { radius: f64::INFINITY },
+        true => Certainty::Complete {
+            radius: f64::INFINITY,
+        },
         false => Certainty::Undecided,
     }
 }
@@ -160,9 +165,29 @@ pub fn folds(
     increasing: bool,
     options: ContinuationOptions,
 ) -> Result<Vec<Vec<f64>>, Refusal> {
-    let direction = if increasing { Direction::Increasing } else { Direction::Decreasing };
+    Ok(run(map, start, increasing, options)?.0)
+}
+
+/// The folds of a curve, and its last point if it ended on a bound of the parameter.
+pub fn run(
+    map: &dyn PiecewiseSmooth,
+    start: &[f64],
+    increasing: bool,
+    options: ContinuationOptions,
+) -> Result<(Vec<Vec<f64>>, Option<Vec<f64>>), Refusal> {
+    let direction = if increasing {
+        Direction::Increasing
+    } else {
+        Direction::Decreasing
+    };
     let branch = Branch::follow(map, start, direction, options)?;
-    let kinks = branch.transitions.iter().filter(|t| t.is_fold()).map(|t| t.x.clone());
+    let kinks = branch
+        .transitions
+        .iter()
+        .filter(|t| t.is_fold())
+        .map(|t| t.x.clone());
     let smooth = branch.smooth_folds.iter().map(|f| f.point.x.clone());
-    Ok(kinks.chain(smooth).collect())
+    let bound = branch.termination == Termination::ParameterRange;
+    let end = branch.points.last().filter(|_| bound).map(|p| p.x.clone());
+    Ok((kinks.chain(smooth).collect(), end))
 }

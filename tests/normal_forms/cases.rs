@@ -46,15 +46,29 @@ fn whole(
         let mut values = values.to_vec();
         values.sort_by(f64::total_cmp);
         let gap = values.windows(2).map(|w| w[1] - w[0]).fold(4e-8, f64::min) / 4.0;
-        let same = found.len() == values.len() && found.iter().zip(&values).all(|(p, q)| (p - q).abs() <= gap);
-        assert!(same, "from {start:?} at {alpha}: {found:?} instead of {values:?}; {said}");
+        let same =
+            found.len() == values.len() && found.iter().zip(&values).all(|(p, q)| (p - q).abs() <= gap);
+        assert!(
+            same,
+            "from {start:?} at {alpha}: {found:?} instead of {values:?}; {said}"
+        );
     }
-    assert!(diagram.certainty != Certainty::Undecided, "from {start:?}: {said}");
+    assert!(
+        diagram.certainty != Certainty::Undecided,
+        "from {start:?}: {said}"
+    );
     if let Some(turns) = turns {
         let mut found: Vec<f64> = diagram.folds.iter().map(|x| x[x.len() - 1]).collect();
         found.sort_by(f64::total_cmp);
-        assert_eq!(found.len(), turns.len(), "folds from {start:?}: {found:?} instead of {turns:?}");
-        assert!(found.iter().zip(turns).all(|(p, q)| (p - q).abs() < 1e-9), "{found:?}, not {turns:?}");
+        assert_eq!(
+            found.len(),
+            turns.len(),
+            "folds from {start:?}: {found:?} instead of {turns:?}"
+        );
+        assert!(
+            found.iter().zip(turns).all(|(p, q)| (p - q).abs() < 1e-9),
+            "{found:?}, not {turns:?}"
+        );
     }
 }
 
@@ -62,7 +76,13 @@ fn whole(
 #[test]
 fn a_narrow_v_is_a_fold() {
     let map = curve!(1e-5, 2, |p, x, k, out| out[0] = k.abs(x[0]) - x[1] * p);
-    whole(&map, &[1e-5, 1.0], (-3.0, 3.0), &[(1.0, &[-1e-5, 1e-5]), (-1.0, &[])], Some(&[0.0]));
+    whole(
+        &map,
+        &[1e-5, 1.0],
+        (-3.0, 3.0),
+        &[(1.0, &[-1e-5, 1e-5]), (-1.0, &[])],
+        Some(&[0.0]),
+    );
 }
 
 /// x (x − 0.01 α)
@@ -76,14 +96,19 @@ fn two_lines_at_half_a_degree_are_two() {
 /// min(x − 2 α + 4, 4 α − x + 14): two lines from their corner at α = −9, where the range ends or before.
 #[test]
 fn branches_that_meet_at_the_end_of_the_range_are_both_found() {
-    let map = curve!(0.0, 2, |p, x, k, out| out[0] = k
-        .min(x[0] - x[1] * 2.0 + 4.0, x[1] * 4.0 - x[0] + 14.0));
+    let map = curve!(0.0, 2, |p, x, k, out| out[0] =
+        k.min(x[0] - x[1] * 2.0 + 4.0, x[1] * 4.0 - x[0] + 14.0));
     whole(&map, &[-2.0, 1.0], (-9.0, 5.0), &[(-2.0, &[-8.0, 6.0])], None);
     // The other branch is not connected within this range: it may be missing, and nothing else may be there.
     let diagram = explore(&map, &[-2.0, 1.0], options(1.0, (-5.0, 5.0), 1.0)).expect("a diagram");
     let (found, _) = diagram.solutions(&map, -2.0).expect("solutions");
     assert!(found.iter().any(|x| (x[0] + 8.0).abs() < 1e-9), "{found:?}");
-    assert!(found.iter().all(|x| (x[0] + 8.0).abs() < 1e-9 || (x[0] - 6.0).abs() < 1e-9), "{found:?}");
+    assert!(
+        found
+            .iter()
+            .all(|x| (x[0] + 8.0).abs() < 1e-9 || (x[0] - 6.0).abs() < 1e-9),
+        "{found:?}"
+    );
 }
 
 /// y³ − c y = α has its folds at y = ±√(c/3).
@@ -125,7 +150,10 @@ fn a_zero_of_a_monitor_is_reported_once_and_passed() {
     let quarter = std::f64::consts::FRAC_PI_2;
     let met = crossings(&line, &[0.0, 0.0], &[|x| x[1].cos(), |x| x[1].cos()]);
     assert_eq!(met.len(), 2, "{met:?}");
-    assert!(met[0].0 != met[1].0 && met.iter().all(|m| (m.1 - quarter).abs() < 1e-9), "{met:?}");
+    assert!(
+        met[0].0 != met[1].0 && met.iter().all(|m| (m.1 - quarter).abs() < 1e-9),
+        "{met:?}"
+    );
     let kink = curve!(0.0, 2, |p, x, k, out| out[0] = x[0] - k.abs(x[1].cos()));
     let met = crossings(&kink, &[1.0, 0.0], &[|x| x[1].cos()]);
     assert!(met.len() == 1 && (met[0].1 - quarter).abs() < 1e-9, "{met:?}");
@@ -157,7 +185,12 @@ fn side_branches_arrive_at_a_branching_kink() {
     let half = 0.5_f64.sqrt();
     for arm in [[0.0, 1.0], [0.0, -1.0], [-half, -half]] {
         let near = |t: &[f64]| (t[0] - arm[0]).hypot(t[1] - arm[1]) < 1e-9;
-        assert_eq!(vertex.arms.iter().filter(|a| near(&a.tangent)).count(), 1, "{arm:?} of {:?}", vertex.arms);
+        assert_eq!(
+            vertex.arms.iter().filter(|a| near(&a.tangent)).count(),
+            1,
+            "{arm:?} of {:?}",
+            vertex.arms
+        );
     }
     assert_eq!(vertex.arms.len(), 3);
     let known: &[(f64, &[f64])] = &[(-0.5, &[-0.5, 0.0, 0.5]), (0.5, &[0.0])];
@@ -182,8 +215,17 @@ fn a_smooth_pitchfork_from_its_side_branch() {
         out[0] = y * (y * y + a * p);
     });
     let height = (0.5 * s).sqrt();
-    let known: &[(f64, &[f64])] = &[(ALPHA - 0.5, &[AT - height, AT, AT + height]), (ALPHA + 0.5, &[AT])];
-    whole(&map, &[AT + s.sqrt(), ALPHA - 1.0], (ALPHA - 2.0, ALPHA + 1.0), known, None);
+    let known: &[(f64, &[f64])] = &[
+        (ALPHA - 0.5, &[AT - height, AT, AT + height]),
+        (ALPHA + 0.5, &[AT]),
+    ];
+    whole(
+        &map,
+        &[AT + s.sqrt(), ALPHA - 1.0],
+        (ALPHA - 2.0, ALPHA + 1.0),
+        known,
+        None,
+    );
 }
 
 /// min(y, 0)² + max(y, 0) = α: a half parabola meets a line in a fold, and there is no vertical segment.
@@ -197,13 +239,21 @@ fn a_half_parabola_meets_a_line() {
         let limits = options(1.0, (-1.0, 2.0), 1.0);
         let branch = Branch::follow(&map, &start, Direction::Decreasing, limits).expect("a branch");
         assert_eq!(branch.folds().len(), 1, "{branch}");
-        assert!(branch.transitions.iter().all(|t| {
-            t.kind != TransitionKind::VerticalBegin && t.kind != TransitionKind::VerticalEnd
-        }));
+        assert!(
+            branch.transitions.iter().all(|t| {
+                t.kind != TransitionKind::VerticalBegin && t.kind != TransitionKind::VerticalEnd
+            })
+        );
         let end = branch.points.last().expect("points");
         let other = if start[0] < 0.0 { 2.0 } else { -2.0_f64.sqrt() };
         assert!((end.x[0] - other).abs() < 1e-9 && end.x[1] == 2.0, "{end}");
-        whole(&map, &start, (-1.0, 2.0), &[(1.0, &[-1.0, 1.0]), (-0.5, &[])], Some(&[0.0]));
+        whole(
+            &map,
+            &start,
+            (-1.0, 2.0),
+            &[(1.0, &[-1.0, 1.0]), (-0.5, &[])],
+            Some(&[0.0]),
+        );
         whole(&map, &start, (0.0, 2.0), &[(1.0, &[-1.0, 1.0])], None);
     }
 }
@@ -232,7 +282,13 @@ fn a_corner_of_two_sites_is_a_fold() {
         out[1] = x[0] - x[1] * 2.0;
     });
     let known: &[(f64, &[f64])] = &[(1.0, &[-2.0 / 3.0, 2.0 / 3.0]), (-0.5, &[])];
-    whole(&map, &[2.0 / 3.0, 1.0 / 3.0, 1.0], (-1.0, 2.0), known, Some(&[0.0]));
+    whole(
+        &map,
+        &[2.0 / 3.0, 1.0 / 3.0, 1.0],
+        (-1.0, 2.0),
+        known,
+        Some(&[0.0]),
+    );
 }
 
 /// |y| y − α y and y (α − |y|)
@@ -249,12 +305,24 @@ fn pitchforks_at_kinks_from_the_main_branch() {
 #[test]
 fn closed_polygons() {
     let map = curve!(0.0, 2, |p, x, k, out| out[0] = k.abs(x[0]) + k.abs(x[1]) - 1.0);
-    whole(&map, &[1.0, 0.0], (-2.0, 2.0), &[(0.5, &[-0.5, 0.5])], Some(&[-1.0, 1.0]));
+    whole(
+        &map,
+        &[1.0, 0.0],
+        (-2.0, 2.0),
+        &[(0.5, &[-0.5, 0.5])],
+        Some(&[-1.0, 1.0]),
+    );
     let map = curve!(0.0, 2, |p, x, k, out| {
         let (y, a) = (k.abs(x[0]), k.abs(x[1]));
         out[0] = k.max(y, a) - 1.0;
     });
-    whole(&map, &[1.0, 0.0], (-2.0, 2.0), &[(0.5, &[-1.0, 1.0]), (1.5, &[])], None);
+    whole(
+        &map,
+        &[1.0, 0.0],
+        (-2.0, 2.0),
+        &[(0.5, &[-1.0, 1.0]), (1.5, &[])],
+        None,
+    );
     let diagram = explore(&map, &[1.0, 0.0], options(1.0, (-2.0, 2.0), 1.0)).expect("a diagram");
     for side in [-1.0, 1.0] {
         let (_, continua) = diagram.solutions(&map, side).expect("solutions");
@@ -269,7 +337,11 @@ fn harvest_with_a_limit() {
         out[0] = x[0] * (-x[0] + 1.0) - x[1] * k.min(x[0], T::from(p));
     });
     let upper = (1.0 + 0.4_f64.sqrt()) / 2.0;
-    let known: &[(f64, &[f64])] = &[(0.8, &[0.0, 0.2, 0.4, 0.6]), (0.5, &[0.0, upper]), (1.5, &[-0.5, 0.0])];
+    let known: &[(f64, &[f64])] = &[
+        (0.8, &[0.0, 0.2, 0.4, 0.6]),
+        (0.5, &[0.0, upper]),
+        (1.5, &[-0.5, 0.0]),
+    ];
     whole(&map, &[1.0, 0.0], (0.0, 2.0), known, Some(&[0.7, 5.0 / 6.0]));
 }
 
@@ -280,7 +352,11 @@ fn a_saw_has_three_folds() {
         let (first, second) = (k.abs(x[0]), k.abs(x[0] - 1.0));
         out[0] = k.min(first, second) - x[1];
     });
-    let known: &[(f64, &[f64])] = &[(0.25, &[-0.25, 0.25, 0.75, 1.25]), (1.0, &[-1.0, 2.0]), (-0.5, &[])];
+    let known: &[(f64, &[f64])] = &[
+        (0.25, &[-0.25, 0.25, 0.75, 1.25]),
+        (1.0, &[-1.0, 2.0]),
+        (-0.5, &[]),
+    ];
     whole(&map, &[2.0, 1.0], (-1.0, 2.0), known, Some(&[0.0, 0.0, 0.5]));
 }
 
@@ -291,7 +367,11 @@ fn a_fold_at_a_bound_of_the_unknown() {
         out[0] = k.min(x[0], x[0] * x[0] - x[0] * 2.0 + x[1]);
     });
     let (half, far) = (0.5_f64.sqrt(), 1.5_f64.sqrt());
-    let known: &[(f64, &[f64])] = &[(0.5, &[0.0, 1.0 - half, 1.0 + half]), (-0.5, &[1.0 + far]), (1.5, &[0.0])];
+    let known: &[(f64, &[f64])] = &[
+        (0.5, &[0.0, 1.0 - half, 1.0 + half]),
+        (-0.5, &[1.0 + far]),
+        (1.5, &[0.0]),
+    ];
     whole(&map, &[0.0, 1.0], (-1.0, 2.0), known, Some(&[0.0, 1.0]));
 }
 
@@ -305,7 +385,13 @@ fn a_corner_on_the_bound_of_the_range() {
     for low in [0.0, -1.0, -0.5] {
         for start in [[0.5, -0.5_f64.sqrt(), 1.0], [-0.75, 0.5, 1.0]] {
             let turns: Option<&[f64]> = if low < 0.0 { Some(&[0.0]) } else { None };
-            whole(&map, &start, (low, 3.0), &[(1.0, &[-0.75, 0.5]), (1.9, &[-0.9975, 0.95])], turns);
+            whole(
+                &map,
+                &start,
+                (low, 3.0),
+                &[(1.0, &[-0.75, 0.5]), (1.9, &[-0.9975, 0.95])],
+                turns,
+            );
         }
     }
 }
@@ -316,12 +402,21 @@ fn small_curves_are_what_they_are() {
     let map = curve!(1e-14, 2, |p, x, k, out| out[0] = x[0] * x[0] + x[1] * x[1] - p);
     let diagram = explore(&map, &[1e-7, 0.0], options(1.0, (-1.0, 1.0), 1.0)).expect("a diagram");
     let two = diagram.folds.len() == 2;
-    assert!(two || diagram.certainty == Certainty::Undecided, "{} folds", diagram.folds.len());
+    assert!(
+        two || diagram.certainty == Certainty::Undecided,
+        "{} folds",
+        diagram.folds.len()
+    );
     let map = curve!(6e-9, 3, |p, x, k, out| {
         out[0] = x[0] - (x[2] / p).cos();
         out[1] = x[1] - (x[2] / p).sin();
     });
     let limits = options(1.0, (-1.0, 1.0), 1.0).with_max_arclength(30.0);
-    let branch = Branch::follow(&map, &[1.0, 0.0, 0.0], Direction::Along(vec![0.0, 1.0, 6e-9]), limits);
+    let branch = Branch::follow(
+        &map,
+        &[1.0, 0.0, 0.0],
+        Direction::Along(vec![0.0, 1.0, 6e-9]),
+        limits,
+    );
     assert!(branch.expect("a branch").termination != Termination::Closed);
 }

@@ -60,22 +60,36 @@ fn known_curves_are_solutions_and_begin_at_the_vertex() {
                 assert!(inner.largest(&h) < 1e-12, "{name}: {} at {a}", inner.largest(&h));
                 let back = inner.normal(&z);
                 let there: Vec<f64> = y.iter().copied().chain([a]).collect();
-                let off = back.iter().zip(&there).map(|(p, q)| (p - q).abs()).fold(0.0, f64::max);
+                let off = back
+                    .iter()
+                    .zip(&there)
+                    .map(|(p, q)| (p - q).abs())
+                    .fold(0.0, f64::max);
                 assert!(off < 1e-12, "{name}: {back:?} is not {there:?}");
             }
         }
         for arm in &entry.arms {
-            assert!(norm(&(arm.y)(0.0)) == 0.0 && norm(&(arm.y)(1e-14)) < 1e-4, "{name}");
+            assert!(
+                norm(&(arm.y)(0.0)) == 0.0 && norm(&(arm.y)(1e-14)) < 1e-4,
+                "{name}"
+            );
         }
         for level in entry.levels.iter().flat_map(|l| [*l, -*l]) {
             for y in entry.at(level) {
                 let (h, _) = residual(&map, &inner.place(&y, level));
-                assert!(inner.largest(&h) < 1e-12, "{name}: {} at {level}", inner.largest(&h));
+                assert!(
+                    inner.largest(&h) < 1e-12,
+                    "{name}: {} at {level}",
+                    inner.largest(&h)
+                );
             }
         }
         for fold in &entry.folds {
             let (a, y) = fold.split_last().expect("a fold has a parameter");
-            assert!(inner.largest(&residual(&map, &inner.place(y, *a)).0) < 1e-12, "{name}");
+            assert!(
+                inner.largest(&residual(&map, &inner.place(y, *a)).0) < 1e-12,
+                "{name}"
+            );
         }
     });
 }
@@ -106,14 +120,18 @@ fn there_are_no_other_solutions() {
                     if norm(&h) > 1e-12 {
                         continue;
                     }
-                    let off = |y: &Vec<f64>| norm(&y.iter().zip(&x).map(|(p, q)| p - q).collect::<Vec<f64>>());
+                    let off =
+                        |y: &Vec<f64>| norm(&y.iter().zip(&x).map(|(p, q)| p - q).collect::<Vec<f64>>());
                     match known.iter().position(|y| off(y) < 1e-6 * size.min(1.0)) {
                         Some(k) => found[k] = true,
                         None => panic!("{name}: {x:?} is not among {known:?}"),
                     }
                 }
             }
-            assert!(found.iter().all(|f| *f), "{name}: {known:?} at {level}: found {found:?}");
+            assert!(
+                found.iter().all(|f| *f),
+                "{name}: {known:?} at {level}: found {found:?}"
+            );
         }
     });
 }

@@ -45,7 +45,10 @@ fn unit_vector(random: &mut Random, n: usize) -> Vec<f64> {
 
 fn reflect<T: Real>(normal: &[f64], v: &mut [T]) {
     let start = T::from(0.0);
-    let along = normal.iter().zip(v.iter()).fold(start, |sum, (h, v)| sum + *v * *h);
+    let along = normal
+        .iter()
+        .zip(v.iter())
+        .fold(start, |sum, (h, v)| sum + *v * *h);
     for (h, v) in normal.iter().zip(v) {
         *v -= along * (2.0 * h);
     }
@@ -171,7 +174,11 @@ impl Embedded {
 
     fn further<T: Real>(&self, i: usize, first: T, a: T, before: T) -> T {
         let g = self.further[i];
-        let curved = if g[3] == 0.0 { T::from(0.0) } else { before.tanh() * g[3] };
+        let curved = if g[3] == 0.0 {
+            T::from(0.0)
+        } else {
+            before.tanh() * g[3]
+        };
         first * (first * g[4] + g[1]) + a * g[2] + curved + g[0]
     }
 

@@ -423,7 +423,10 @@ fn friction(random: &mut Random, grazing: bool) -> Entry {
     const MARGIN: f64 = 0.05;
     'draw: loop {
         let coupling = random.symmetric() * 0.7;
-        let w = [[random.between(0.5, 1.5), coupling], [coupling, random.between(0.5, 1.5)]];
+        let w = [
+            [random.between(0.5, 1.5), coupling],
+            [coupling, random.between(0.5, 1.5)],
+        ];
         let f = random.between(0.2, 3.0);
         let q = [if grazing { 0.0 } else { random.symmetric() }, random.symmetric()];
         let mut arms = Vec::new();
@@ -440,7 +443,10 @@ fn friction(random: &mut Random, grazing: bool) -> Entry {
             let mut clear = det > 0.1 && qt.abs() > MARGIN;
             let open = if grazing { 1.0 } else { -qn };
             clear &= decide(&[open], side, [0.0, 0.0]);
-            let stick = [(w[1][1] * qn - w[0][1] * qt) / det, (w[0][0] * qt - w[1][0] * qn) / det];
+            let stick = [
+                (w[1][1] * qn - w[0][1] * qt) / det,
+                (w[0][0] * qt - w[1][0] * qn) / det,
+            ];
             clear &= decide(&[stick[0], f * stick[0] - stick[1].abs()], side, stick);
             for slip in [1.0, -1.0] {
                 let stiffness = w[0][0] + slip * f * w[0][1];
@@ -493,11 +499,21 @@ fn lines(slopes: Vec<f64>, codimension: u8) -> Entry {
 fn sides(sizes: [f64; 2], powers: [i32; 2]) -> Entry {
     let arm = |k: usize, way: f64| {
         let (size, power) = (sizes[k], powers[k]);
-        curve(size, move |t| vec![way * (t / size.abs()).powf(1.0 / f64::from(power))])
+        curve(size, move |t| {
+            vec![way * (t / size.abs()).powf(1.0 / f64::from(power))]
+        })
     };
     let codimension = u8::from(powers != [1, 1]);
-    Entry::new(Core::Sides(sizes, powers), codimension, vec![arm(0, 1.0), arm(1, -1.0)])
-        .unfolds_to(if codimension > 0 { &[PassThrough, Fold] } else { &[] })
+    Entry::new(
+        Core::Sides(sizes, powers),
+        codimension,
+        vec![arm(0, 1.0), arm(1, -1.0)],
+    )
+    .unfolds_to(if codimension > 0 {
+        &[PassThrough, Fold]
+    } else {
+        &[]
+    })
 }
 
 fn curved_kink(c: f64, k: f64) -> Entry {
@@ -509,7 +525,10 @@ fn curved_kink(c: f64, k: f64) -> Entry {
     if below < 1.0 {
         heights.push(below);
     }
-    let arms = heights.iter().flat_map(|&h| both(move |t| vec![h * t * t])).collect();
+    let arms = heights
+        .iter()
+        .flat_map(|&h| both(move |t| vec![h * t * t]))
+        .collect();
     Entry::new(Core::CurvedKink(c, k), 1, arms).unfolds_to(&[PassThrough, Fold, Isolated])
 }
 
@@ -533,7 +552,11 @@ fn circle(r: f64) -> Entry {
         entry.solutions = Some(Rc::new(move |a| {
             let height = r * r - a * a;
             let one = |s: f64| vec![s * height.max(0.0).sqrt()];
-            if height > 0.0 { vec![one(1.0), one(-1.0)] } else { Vec::new() }
+            if height > 0.0 {
+                vec![one(1.0), one(-1.0)]
+            } else {
+                Vec::new()
+            }
         }));
     }
     entry
@@ -546,7 +569,8 @@ fn two_folds(c: f64) -> Entry {
     let (y, a) = ((c / 3.0).sqrt(), 2.0 * (c / 3.0).powf(1.5));
     entry.folds = vec![vec![y, -a], vec![-y, a]];
     entry.fold_accuracy = (0.3 * y).min(1e-4);
-    entry.starts = [0.97, -0.97].map(|y: f64| vec![y, y * y * y - c * y]).to_vec();
+    // Before the first fold on either side.
+    entry.starts = [0.9, -0.9].map(|a| vec![cubic(c, a)[0][0], a]).to_vec();
     entry.solutions = Some(Rc::new(move |a| cubic(c, a)));
     // Between the folds, too.
     entry.levels = vec![0.0, 0.31, 0.77];
@@ -555,8 +579,7 @@ fn two_folds(c: f64) -> Entry {
 
 fn saturated(sign: f64, t: f64) -> Entry {
     let arms = vec![curve(sign, |t| vec![t]), curve(0, |s| vec![-s])];
-    Entry::new(Core::Saturated(sign, t), 1, arms)
-        .and(vec![curve(t, move |a| vec![-1.0 - a / t.abs()])])
+    Entry::new(Core::Saturated(sign, t), 1, arms).and(vec![curve(t, move |a| vec![-1.0 - a / t.abs()])])
 }
 
 fn two_sites(b: f64, c: f64) -> Entry {
@@ -576,18 +599,37 @@ pub const FAMILIES: &[(&str, &str, Draw)] = &[
         let arm = move |way: f64| curve(s, move |t| vec![way * (s.abs() * t).sqrt()]);
         Entry::new(Core::Fold(s), 0, vec![arm(1.0), arm(-1.0)])
     }),
-    ("folds", "two folds, c = 1 to 1e-2", |r| two_folds(power(r, -2.0, 0.0))),
-    ("folds", "two folds, c = 1e-2 to 1e-5", |r| two_folds(power(r, -5.0, -2.0))),
-    ("folds", "two folds, c = 1e-5 to 1e-8", |r| two_folds(power(r, -8.0, -5.0))),
-    ("folds", "isola, r = 1 to 1e-5", |r| circle(power(r, -5.0, -0.2))),
-    ("smooth", "transcritical", |r| lines(vec![0.0, sign(r) * power(r, -1.0, 0.3)], 1)),
-    ("smooth", "transcritical, slope 1e-3 to 0.1", |r| lines(vec![0.0, sign(r) * power(r, -3.0, -1.0)], 1)),
-    ("smooth", "crossing", |r| lines(vec![r.between(0.2, 1.5), r.between(-1.5, 0.0)], 1)),
-    ("smooth", "three lines", |r| {
-        lines(vec![r.between(0.4, 1.5), r.between(-0.2, 0.2), r.between(-1.5, -0.4)], 4)
+    ("folds", "two folds, c = 1 to 1e-2", |r| {
+        two_folds(power(r, -2.0, 0.0))
     }),
-    ("smooth", "pitchfork, supercritical", |r| pitchfork(r.between(0.3, 2.0))),
-    ("smooth", "pitchfork, subcritical", |r| pitchfork(-r.between(0.3, 2.0))),
+    ("folds", "two folds, c = 1e-2 to 1e-5", |r| {
+        two_folds(power(r, -5.0, -2.0))
+    }),
+    ("folds", "two folds, c = 1e-5 to 1e-8", |r| {
+        two_folds(power(r, -8.0, -5.0))
+    }),
+    ("folds", "isola, r = 1 to 1e-5", |r| circle(power(r, -5.0, -0.2))),
+    ("smooth", "transcritical", |r| {
+        lines(vec![0.0, sign(r) * power(r, -1.0, 0.3)], 1)
+    }),
+    ("smooth", "transcritical, slope 1e-3 to 0.1", |r| {
+        lines(vec![0.0, sign(r) * power(r, -3.0, -1.0)], 1)
+    }),
+    ("smooth", "crossing", |r| {
+        lines(vec![r.between(0.2, 1.5), r.between(-1.5, 0.0)], 1)
+    }),
+    ("smooth", "three lines", |r| {
+        lines(
+            vec![r.between(0.4, 1.5), r.between(-0.2, 0.2), r.between(-1.5, -0.4)],
+            4,
+        )
+    }),
+    ("smooth", "pitchfork, supercritical", |r| {
+        pitchfork(r.between(0.3, 2.0))
+    }),
+    ("smooth", "pitchfork, subcritical", |r| {
+        pitchfork(-r.between(0.3, 2.0))
+    }),
     ("smooth", "hysteresis y³ = a", |_| {
         let mut entry = Entry::new(Core::TwoFolds(0.0), 1, both(|t: f64| vec![t.cbrt()]));
         entry.unfolded = &[PassThrough, Fold];
@@ -618,11 +660,15 @@ pub const FAMILIES: &[(&str, &str, Draw)] = &[
     ("smooth", "four lines in space", |r| {
         let s = sign(r) * r.between(0.4, 2.0);
         let ends = [[0.0, 0.0], [1.0, 0.0], [0.0, s], [1.0, s]];
-        let arms = ends.into_iter().flat_map(|[x, y]| both(move |t| vec![x * t, y * t]));
+        let arms = ends
+            .into_iter()
+            .flat_map(|[x, y]| both(move |t| vec![x * t, y * t]));
         Entry::new(Core::FourLines(s), 4, arms.collect()).unfolds_to(&[Fold, PassThrough])
     }),
     ("smooth", "two of four complex lines", |_| {
-        let arms = [1.0, -1.0].into_iter().flat_map(|s| both(move |t| vec![s * t, s * t]));
+        let arms = [1.0, -1.0]
+            .into_iter()
+            .flat_map(|s| both(move |t| vec![s * t, s * t]));
         Entry::new(Core::TwoOfFour, 4, arms.collect()).unfolds_to(&[Fold, PassThrough])
     }),
     ("kinks", "pass-through", |r| {
@@ -651,10 +697,18 @@ pub const FAMILIES: &[(&str, &str, Draw)] = &[
         let powers = if r.below(2) == 0 { [1, 2] } else { [2, 1] };
         sides([s * r.between(0.3, 2.0), -s * r.between(0.3, 2.0)], powers)
     }),
-    ("kinks", "curved kink, c < 1", |r| curved_kink(r.between(-1.0, 0.8), r.between(-0.7, 2.0))),
-    ("kinks", "curved kink, c > 1", |r| curved_kink(r.between(1.2, 2.5), r.between(-0.7, 2.0))),
-    ("kinks", "curved kink, four arms", |r| curved_kink(r.between(1.2, 2.0), r.between(-3.0, -1.5))),
-    ("kinks", "curved kink, no arm", |r| curved_kink(r.between(0.0, 0.8), r.between(-3.0, -1.5))),
+    ("kinks", "curved kink, c < 1", |r| {
+        curved_kink(r.between(-1.0, 0.8), r.between(-0.7, 2.0))
+    }),
+    ("kinks", "curved kink, c > 1", |r| {
+        curved_kink(r.between(1.2, 2.5), r.between(-0.7, 2.0))
+    }),
+    ("kinks", "curved kink, four arms", |r| {
+        curved_kink(r.between(1.2, 2.0), r.between(-3.0, -1.5))
+    }),
+    ("kinks", "curved kink, no arm", |r| {
+        curved_kink(r.between(0.0, 0.8), r.between(-3.0, -1.5))
+    }),
     ("kinks", "V-fold, opening 1e-5 to 1e-2", |r| {
         let c = sign(r) * power(r, -5.0, -2.0);
         let arm = move |way: f64| curve(c, move |t| vec![way * c.abs() * t]);
@@ -664,7 +718,9 @@ pub const FAMILIES: &[(&str, &str, Draw)] = &[
         let s = sign(r) * power(r, -1.0, 0.5);
         at_kink(Core::AtKink(1.0, s), 1.0, s)
     }),
-    ("branching", "a x − x |x|", |_| at_kink(Core::Symmetric, 1.0, -1.0)),
+    ("branching", "a x − x |x|", |_| {
+        at_kink(Core::Symmetric, 1.0, -1.0)
+    }),
     ("branching", "|x| (|x| + s a)", |r| {
         let s = sign(r) * power(r, -0.7, 0.5);
         at_kink(Core::Product(s), 1.0, s)
@@ -683,7 +739,9 @@ pub const FAMILIES: &[(&str, &str, Draw)] = &[
         arms.extend([1.0, -1.0].map(|way| ray(-s, vec![way * s.abs(), s.abs()])));
         Entry::new(Core::Forced(s), 2, arms).unfolds_to(&[PassThrough, Fold])
     }),
-    ("corners", "|x| + b y² = a, max(x, y) = c a", |r| two_sites(r.between(0.5, 1.0), r.between(0.3, 0.55))),
+    ("corners", "|x| + b y² = a, max(x, y) = c a", |r| {
+        two_sites(r.between(0.5, 1.0), r.between(0.3, 0.55))
+    }),
     ("corners", "corner of two sites", |r| corner(r, 2)),
     ("corners", "corner of three sites", |r| corner(r, 3)),
     ("corners", "corner of four sites", |r| corner(r, 4)),
@@ -691,15 +749,23 @@ pub const FAMILIES: &[(&str, &str, Draw)] = &[
         let p = 2 + r.below(5);
         touch(r, p)
     }),
-    ("corners", "a node with friction, unloaded", |r| friction(r, false)),
-    ("grazing", "a sliding node without pressure", |r| friction(r, true)),
+    ("corners", "a node with friction, unloaded", |r| {
+        friction(r, false)
+    }),
+    ("grazing", "a sliding node without pressure", |r| {
+        friction(r, true)
+    }),
     ("grazing", "along a kink", |r| {
         Entry::new(Core::AlongKink(r.between(-0.8, 0.8)), 1, both(|_| vec![0.0]))
     }),
     ("grazing", "leaves a kink", |r| {
         let s = sign(r) * r.between(0.3, 2.0);
         let end = vec![s.max(0.0), (-s).max(0.0)];
-        Entry::new(Core::LeavesKink(s), 1, vec![ray(-1.0, vec![0.0, 0.0]), ray(1.0, end)])
+        Entry::new(
+            Core::LeavesKink(s),
+            1,
+            vec![ray(-1.0, vec![0.0, 0.0]), ray(1.0, end)],
+        )
     }),
     ("grazing", "splits from a kink", |r| {
         let s = r.between(0.3, 2.0);
@@ -710,7 +776,9 @@ pub const FAMILIES: &[(&str, &str, Draw)] = &[
         let (c, s) = (r.between(0.3, 2.0), sign(r));
         Entry::new(Core::EndOnKink(c, s), 2, vec![ray(-s, vec![0.0])])
     }),
-    ("ends", "isolated point", |r| Entry::new(Core::Alone(r.below(3)), 2, Vec::new())),
+    ("ends", "isolated point", |r| {
+        Entry::new(Core::Alone(r.below(3)), 2, Vec::new())
+    }),
     ("ends", "continuum", |_| {
         let mut entry = Entry::new(Core::Quadrant, 2, Vec::new()).named(&[Continuum]);
         entry.levels = vec![];
@@ -720,7 +788,9 @@ pub const FAMILIES: &[(&str, &str, Draw)] = &[
         let s = r.between(0.3, 2.0);
         Entry::new(Core::VerticalQuadrant(s), 2, vec![ray(1.0, vec![1.0, s])]).named(&[Continuum])
     }),
-    ("vertical", "vertical on one side", |r| saturated(sign(r), sign(r) * r.between(0.3, 2.0))),
+    ("vertical", "vertical on one side", |r| {
+        saturated(sign(r), sign(r) * r.between(0.3, 2.0))
+    }),
     ("vertical", "vertical on both sides of a kink", |r| {
         let t = sign(r) * r.between(0.3, 2.0);
         let arm = |way: f64| curve(0, move |s| vec![way * s, s]);
@@ -731,7 +801,9 @@ pub const FAMILIES: &[(&str, &str, Draw)] = &[
         let mut arms = both(|_| vec![0.0]);
         arms.extend([1.0, -1.0].map(|way| curve(0, move |s| vec![way * s])));
         let more = [1.0, -1.0].map(|way: f64| curve(way, move |t| vec![way * (1.0 + t)]));
-        Entry::new(Core::Cross, 2, arms).and(more.to_vec()).named(&[Branching, Vertical])
+        Entry::new(Core::Cross, 2, arms)
+            .and(more.to_vec())
+            .named(&[Branching, Vertical])
     }),
     ("vertical", "vertical ray at a branching kink", |r| {
         let (s, t) = (sign(r) * r.between(0.3, 2.0), sign(r) * r.between(0.3, 2.0));
@@ -739,7 +811,9 @@ pub const FAMILIES: &[(&str, &str, Draw)] = &[
         arms.push(ray(-s, vec![s.abs()]));
         arms.push(curve(0, |s| vec![-s]));
         let more = vec![curve(t, move |a| vec![-1.0 - a / t.abs()])];
-        Entry::new(Core::RayAtKink(s, t), 2, arms).and(more).named(&[Branching, Vertical])
+        Entry::new(Core::RayAtKink(s, t), 2, arms)
+            .and(more)
+            .named(&[Branching, Vertical])
     }),
 ];
 

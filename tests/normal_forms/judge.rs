@@ -4,7 +4,7 @@ use semismooth::piecewise::{PiecewiseSmooth, Traced};
 
 use crate::answer::{Certainty, Explored, Local, Refusal, explore, folds, local, options};
 use crate::coordinates::Embedded;
-use crate::forms::{Curve, Entry, Kind};
+use crate::forms::{Core, Curve, Entry, Kind};
 use crate::random::Random;
 
 /// Radius in normal coordinates up to which rounding of the data may change the picture of a degenerate point, and to which a certificate
@@ -55,7 +55,11 @@ impl Counts {
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b) * (a - b))
+        .sum::<f64>()
+        .sqrt()
 }
 
 /// An arm as the crate should see it.
@@ -83,8 +87,7 @@ fn on(curve: &Curve, t: f64) -> (Vec<f64>, f64) {
 }
 
 impl<'a> Member<'a> {
-    fn new(entry: &'a Entry, random: &mut Random) -> Self {
-        let inner = Embedded::random(entry.core.clone(), random);
+    fn new(entry: &'a Entry, inner: Embedded) -> Self {
         let origin = vec![0.0; entry.core.unknowns()];
         let arms: Vec<KnownArm> = entry
             .arms
@@ -177,7 +180,9 @@ impl<'a> Member<'a> {
             Certainty::Undecided => {
                 self.findings.undecided.push(said.clone());
                 if !lost.is_empty() {
-                    self.findings.missing.push(format!("{said}, {} missing", lost.len()));
+                    self.findings
+                        .missing
+                        .push(format!("{said}, {} missing", lost.len()));
                 }
                 return;
             }
@@ -189,10 +194,12 @@ impl<'a> Member<'a> {
             }
             _ => self.findings.estimated = true,
         }
-        let proven = answer.certainty == Certainty::Complete { radius: f64::INFINITY };
-        let right = |k: Kind| {
-            entry.kinds.contains(&k) || (entry.unfolded.contains(&k) && (excused || !proven))
-        };
+        let proven = answer.certainty
+            == Certainty::Complete {
+                radius: f64::INFINITY,
+            };
+        let right =
+            |k: Kind| entry.kinds.contains(&k) || (entry.unfolded.contains(&k) && (excused || !proven));
         if answer.kind.is_some_and(|k| !right(k)) {
             let text = format!("{said}, right: {:?}", entry.kinds);
             self.findings.wrong.push(text);
@@ -212,7 +219,10 @@ impl<'a> Member<'a> {
                 continue;
             }
             let known = self.entry.at(level);
-            let gaps = known.iter().enumerate().flat_map(|(i, p)| known[..i].iter().map(move |q| distance(p, q)));
+            let gaps = known
+                .iter()
+                .enumerate()
+                .flat_map(|(i, p)| known[..i].iter().map(move |q| distance(p, q)));
             let gap = gaps.fold(4e-6, f64::min);
             if gap < RESOLVED {
                 continue;
@@ -226,15 +236,24 @@ impl<'a> Member<'a> {
             };
             let found: Vec<Vec<f64>> = found.iter().map(|z| self.inner.normal(z)).collect();
             let close = |y: &[f64], x: &[f64]| distance(y, &x[..y.len()]) <= gap / 4.0;
-            let lost = known.iter().filter(|y| !found.iter().any(|x| close(y, x))).count();
-            let strange = found.iter().filter(|x| !known.iter().any(|y| close(y, x))).count();
+            let lost = known
+                .iter()
+                .filter(|y| !found.iter().any(|x| close(y, x)))
+                .count();
+            let strange = found
+                .iter()
+                .filter(|x| !known.iter().any(|y| close(y, x)))
+                .count();
             if strange + continua > 0 {
-                self.findings
-                    .wrong
-                    .push(format!("{what}: {strange} solutions and {continua} continua at {level} are none"));
+                self.findings.wrong.push(format!(
+                    "{what}: {strange} solutions and {continua} continua at {level} are none"
+                ));
             }
             if lost > 0 {
-                absent.push(format!("{what}: {lost} of {} solutions at {level} missing", known.len()));
+                absent.push(format!(
+                    "{what}: {lost} of {} solutions at {level} missing",
+                    known.len()
+                ));
             }
         }
         let flat = self.arms.iter().any(|a| a.side == 0);
@@ -254,7 +273,11 @@ impl<'a> Member<'a> {
                 .undecided
                 .push(format!("{what}: {}", diagram.diagram.completeness()));
         }
-        let list = if complete { &mut self.findings.falsely_complete } else { &mut self.findings.missing };
+        let list = if complete {
+            &mut self.findings.falsely_complete
+        } else {
+            &mut self.findings.missing
+        };
         list.extend(absent);
     }
 
@@ -267,20 +290,36 @@ impl<'a> Member<'a> {
         };
         let known: Vec<&Vec<f64>> = entry.folds.iter().filter(inside).collect();
         let size = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>().sqrt();
-        let (near, far): (Vec<&Vec<f64>>, Vec<&Vec<f64>>) =
-            found.iter().filter(inside).partition(|f| entry.vertex && size(f) <= NEAR);
-        let lost = known.iter().filter(|k| !far.iter().any(|f| distance(f, k) <= entry.fold_accuracy));
+        let (near, far): (Vec<&Vec<f64>>, Vec<&Vec<f64>>) = found
+            .iter()
+            .filter(inside)
+            .partition(|f| entry.vertex && size(f) <= NEAR);
+        let lost = known
+            .iter()
+            .filter(|k| !far.iter().any(|f| distance(f, k) <= entry.fold_accuracy));
         let lost = lost.count();
         if lost > 0 || far.len() != known.len() {
             return Err(format!("{} folds, {lost} of {} missing", far.len(), known.len()));
         }
         let turns = usize::from(entry.kinds == [Kind::Fold]);
         let two = entry.vertex && entry.arms.len() == 2 && entry.arms.iter().all(|a| a.side != 0);
-        let same = if entry.codimension == 0 { near.len() == turns } else { near.len() % 2 == turns };
+        let same = if entry.codimension == 0 {
+            near.len() == turns
+        } else {
+            near.len() % 2 == turns
+        };
         if two && range.0 < 0.0 && range.1 > 0.0 && !same {
             return Err(format!("{} folds at the vertex instead of {turns}", near.len()));
         }
         Ok(())
+    }
+
+    fn judge_vertex(&mut self) {
+        let limits = options(self.inner.alpha_unit, (f64::NEG_INFINITY, f64::INFINITY), 1.0);
+        match local(&self.map, &self.vertex, &limits) {
+            Ok(answer) => self.judge_point("at the vertex", &answer, |_| true, false),
+            Err(refusal) => self.refused("at the vertex", refusal),
+        }
     }
 
     fn judge_diagram(&mut self, what: &str, start: &[f64], range: (f64, f64)) {
@@ -294,7 +333,9 @@ impl<'a> Member<'a> {
             if matches!(diagram.certainty, Certainty::Complete { .. })
                 && diagram.vertices.iter().all(|v| v.1.kind != Some(Kind::Continuum))
             {
-                self.findings.falsely_complete.push(format!("{what}: a continuum is not named"));
+                self.findings
+                    .falsely_complete
+                    .push(format!("{what}: a continuum is not named"));
             }
             return;
         }
@@ -310,12 +351,24 @@ impl<'a> Member<'a> {
         // Several vertices are the unfolded picture, which the solutions have judged.
         let excused = here.len() > 1 || {
             let folds: Vec<Vec<f64>> = diagram.folds.iter().map(|f| normal(f)).collect();
-            self.entry.arms.len() == 2 && self.entry.codimension > 0 && self.folds_right(&folds, range).is_ok()
+            self.entry.arms.len() == 2
+                && self.entry.codimension > 0
+                && self.folds_right(&folds, range).is_ok()
         };
+        // Where the curve crosses its kinks at an angle the vertex cannot be overlooked.
+        let transversal = match &self.entry.core {
+            Core::Sides(_, powers) => *powers == [1, 1],
+            Core::Thin(_) | Core::Corner(..) | Core::Touch(..) => true,
+            _ => false,
+        };
+        let complete = matches!(diagram.certainty, Certainty::Complete { .. });
+        if transversal && complete && here.is_empty() && !self.entry.arms.is_empty() {
+            self.findings
+                .wrong
+                .push(format!("{what}: the vertex is not in the diagram"));
+        }
         if let [vertex] = here[..] {
-            let reached = |side: i8| {
-                side == 0 || (side > 0 && range.1 > 0.0) || (side < 0 && range.0 < 0.0)
-            };
+            let reached = |side: i8| side == 0 || (side > 0 && range.1 > 0.0) || (side < 0 && range.0 < 0.0);
             self.judge_point(&format!("{what}, vertex"), &vertex.1, reached, excused);
         }
         self.judge_folds(what, &diagram, range);
@@ -337,7 +390,8 @@ impl<'a> Member<'a> {
         let limits = (self.alpha(range.0), self.alpha(range.1));
         for share in [1.0, 0.05] {
             let what = format!("curve at {share} of the default step");
-            let options = options(self.inner.alpha_unit, limits, share).with_max_points((1000.0 / share) as usize);
+            let options =
+                options(self.inner.alpha_unit, limits, share).with_max_points((1000.0 / share) as usize);
             match folds(&self.map, start, increasing, options) {
                 Ok(folds) => {
                     let folds: Vec<Vec<f64>> = folds.iter().map(|f| self.inner.normal(f)).collect();
@@ -351,21 +405,33 @@ impl<'a> Member<'a> {
     }
 }
 
+/// Examines the vertex of a member in units that the map does not tell.
+pub fn examine_in_untold_units(entry: &Entry, random: &mut Random) -> Findings {
+    let mut inner = Embedded::random(entry.core.clone(), random);
+    inner.unit = [1e8, 1e-8, 1.0][random.below(3)];
+    inner.alpha_unit = [1e8, 1e-8, 1.0][random.below(3)];
+    inner.declared = false;
+    let mut member = Member::new(entry, inner);
+    if entry.vertex {
+        member.judge_vertex();
+    }
+    member.findings
+}
+
 /// Examines one member of a family in random coordinates.
 pub fn examine(entry: &Entry, random: &mut Random) -> Findings {
-    let mut member = Member::new(entry, random);
-    eprint!("n {} units {:e} {:e} ", member.inner.n, member.inner.unit, member.inner.alpha_unit);
+    let mut member = Member::new(entry, Embedded::random(entry.core.clone(), random));
     let reach = entry.reach;
     let whole = (-reach, reach);
     if entry.vertex {
         let at = member.vertex.clone();
-        let limits = options(member.inner.alpha_unit, (f64::NEG_INFINITY, f64::INFINITY), 1.0);
-        match local(&member.map, &at, &limits) {
-            Ok(answer) => member.judge_point("at the vertex", &answer, |_| true, false),
-            Err(refusal) => member.refused("at the vertex", refusal),
-        }
+        member.judge_vertex();
         member.judge_diagram("from the vertex", &at, whole);
-        let half = if random.below(2) == 0 { (0.0, reach) } else { (-reach, 0.0) };
+        let half = if random.below(2) == 0 {
+            (0.0, reach)
+        } else {
+            (-reach, 0.0)
+        };
         member.judge_diagram("from the vertex on the bound", &at, half);
     }
     let mut starts: Vec<(Vec<f64>, f64)> = Vec::new();
@@ -382,11 +448,20 @@ pub fn examine(entry: &Entry, random: &mut Random) -> Findings {
     }
     let (start, a) = starts[random.below(starts.len())].clone();
     member.judge_diagram("from a branch", &start, whole);
-    let half = if a > 0.0 || (a == 0.0 && random.below(2) == 0) { (0.0, reach) } else { (-reach, 0.0) };
+    let half = if a > 0.0 || (a == 0.0 && random.below(2) == 0) {
+        (0.0, reach)
+    } else {
+        (-reach, 0.0)
+    };
     if entry.vertex {
         member.judge_diagram("from a branch to the bound", &start, half);
     }
-    if a != 0.0 {
+    // At a fold neither arm has a sign of α to begin with.
+    let at_fold = entry
+        .folds
+        .iter()
+        .any(|f| distance(f, &member.inner.normal(&start)) < entry.fold_accuracy);
+    if a != 0.0 && !at_fold {
         member.judge_steps(&start, a < 0.0, whole);
     }
     member.findings
