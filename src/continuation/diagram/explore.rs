@@ -167,6 +167,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             return Ok(());
         }
         let arms = curve.arms_of_start()?;
+        let x = curve.here.x.clone();
         let mut kind = kind_of(&arms.list);
         if let (VertexKind::PassThrough, [a, b]) = (kind, arms.list.as_slice())
             && a.selection == b.selection
@@ -566,8 +567,10 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         if kind == VertexKind::Bound
             && let Ok(arms) = self.arms_at_bound(&point.x)
         {
+            let (x, arms) = arms;
             let found = kind_of(&arms.list);
             vertex.complete = arms.complete;
+            vertex.x = x;
             if found != VertexKind::PassThrough {
                 vertex.kind = found;
                 vertex.arms = arms.list.into_iter().map(VertexArm::new).collect();
@@ -576,9 +579,11 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         self.add_vertex(vertex)
     }
 
-    fn arms_at_bound(&self, x: &[f64]) -> Result<Arms, ContinuationError> {
+    fn arms_at_bound(&self, x: &[f64]) -> Result<(Vec<f64>, Arms), ContinuationError> {
         let mut curve = prepared_on(self.map, x, self.options.continuation.clone())?;
-        curve.erased_mut().arms_of_start()
+        let curve = curve.erased_mut();
+        let arms = curve.arms_of_start()?;
+        Ok((curve.here.x.clone(), arms))
     }
 
     fn stopped_at(&mut self, vertex: usize, termination: Termination, failure: Option<ContinuationError>) {

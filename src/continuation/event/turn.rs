@@ -16,6 +16,7 @@ const STRAIGHT: f64 = 1e-5;
 impl Curve<'_> {
     /// Handles the transition at `here`, where test function `index` vanishes.
     pub(in crate::continuation) fn pass_transition(&mut self, index: usize) -> Result<(), ContinuationError> {
+        self.moves_to_singular_point(Some(index))?;
         let vanishing = self.met_together(index)?;
         let indices = vanishing.iter().map(|v| v.index).collect();
         let active = ActiveSet::beside(
@@ -100,6 +101,9 @@ impl Curve<'_> {
             }
         }
         let affine = self.map.is_piecewise_affine();
+        if !affine && self.is_singular_here(&beyond)? {
+            return Ok(None);
+        }
         let before = self.direction_here();
         let arrival = self.here.t.clone();
         let Some(arm) = self.search(vanishing).regular_arm(&beyond, &arrival)? else {

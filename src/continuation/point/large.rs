@@ -21,22 +21,30 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         &mut self,
         selection: &Selection,
     ) -> Result<bool, PiecewiseError> {
-        if !self.is_singular_at(self.map, self.x, selection)? {
+        self.is_nearly_singular(selection, RANK)
+    }
+
+    /// [`is_singular`](Self::is_singular) up to a relative singular value.
+    pub(in crate::continuation) fn is_nearly_singular(
+        &mut self,
+        selection: &Selection,
+        bound: f64,
+    ) -> Result<bool, PiecewiseError> {
+        if self.least_value_at(self.map, self.x, selection)? > bound {
             return Ok(false);
         }
         let (map, z) = self.in_own_units(selection)?;
-        Ok(map.divisors().is_empty() || self.is_singular_at(&map, &z, selection)?)
+        Ok(map.divisors().is_empty() || self.least_value_at(&map, &z, selection)? <= bound)
     }
 
-    fn is_singular_at<M: PiecewiseSmooth + ?Sized>(
+    fn least_value_at<M: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &M,
         x: &[f64],
         selection: &Selection,
-    ) -> Result<bool, PiecewiseError> {
+    ) -> Result<f64, PiecewiseError> {
         let sizes = self.row_sizes(map, x, selection)?;
-        let least = self.corrector.least_singular_value(map, selection, x, &sizes)?;
-        Ok(least <= RANK)
+        self.corrector.least_singular_value(map, selection, x, &sizes)
     }
 
     /// The map in the units of ∇H^(σ), and x in these units.
