@@ -322,7 +322,7 @@ impl<'a> Curve<'a> {
 
     /// All arms at the start, in scaled variables.
     pub(super) fn arms_of_start(&mut self) -> Result<Arms, ContinuationError> {
-        self.moves_to_singular_point(None)?;
+        self.moves_to_singular_point(&self.selection.clone(), None)?;
         let vanishing = self.met_here()?;
         self.all_arms(&vanishing)
     }

@@ -189,7 +189,8 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
 
     fn add_vertex(&mut self, vertex: DiagramVertex) -> usize {
         let v = self.diagram.vertices.len();
-        if !vertex.complete {
+        let followed_up = !matches!(vertex.kind, VertexKind::Limit(_));
+        if !vertex.complete && followed_up {
             self.diagram.completeness.add(Limit::Arms { vertex: v });
         }
         self.diagram.vertices.push(vertex);
@@ -562,7 +563,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             kind,
             is_start: false,
             arms: Vec::new(),
-            complete: true,
+            complete: kind == VertexKind::Bound,
         };
         if kind == VertexKind::Bound
             && let Ok(arms) = self.arms_at_bound(&point.x)

@@ -4,7 +4,7 @@ use super::branch_point::{BranchSystem, Singular};
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
-use crate::piecewise::{PiecewiseSmooth, Vanishing};
+use crate::piecewise::{PiecewiseSmooth, Selection, Vanishing};
 use crate::sparse::{distance, dot, norm};
 
 /// Distance to a facet, relative to 1 + ‖x‖, up to which a curve whose steps are rejected is taken to have approached it.
@@ -22,24 +22,26 @@ impl Curve<'_> {
         Ok(BranchSystem::new(&self.map, &self.selection, &self.here.x, guess).solve(guess)?)
     }
 
-    /// Whether ∇H^(σ) of the followed selection is singular at a point within rounding of `here`, as far as rounding moves points located by
+    /// Whether ∇H^(σ) of a selection is singular at a point within rounding of `here`, as far as rounding moves points located by
     /// equations that are nearly singular; `here` is moved to it. With an index, its test function has to vanish there, too.
     pub(in crate::continuation) fn moves_to_singular_point(
         &mut self,
+        selection: &Selection,
         index: Option<usize>,
     ) -> Result<bool, ContinuationError> {
-        let selection = self.selection.clone();
-        if self.map.is_piecewise_affine() || !self.search(&[]).is_nearly_singular(&selection, NEARLY)? {
+        if self.map.is_piecewise_affine() || !self.search(&[]).is_nearly_singular(selection, NEARLY)? {
             return Ok(false);
         }
         let guess = self.here.x.clone();
-        let Some(x) = self.branch_point_near(&guess, NEARLY * (1.0 + norm(&guess)))? else {
+        let reach = NEARLY * (1.0 + norm(&guess));
+        let found = BranchSystem::new(&self.map, selection, &self.here.x, &guess).solve(&guess)?;
+        let Some(Singular { x, .. }) = found.filter(|s| s.on_curve && distance(&s.x, &guess) <= reach) else {
             return Ok(false);
         };
         let mut theta = vec![0.0; self.layout.total()];
-        self.map.tests_of_selection(&selection, &x, None, &mut theta);
+        self.map.tests_of_selection(selection, &x, None, &mut theta);
         if let Some(index) = index {
-            let v = Vanishing::new(&self.map, &self.layout, &selection, index, &x);
+            let v = Vanishing::new(&self.map, &self.layout, selection, index, &x);
             let reach = self.options.vanishing_distance * (1.0 + norm(&x));
             if theta[index].abs() > reach * v.gradient_norm {
                 return Ok(false);

@@ -16,7 +16,7 @@ const STRAIGHT: f64 = 1e-5;
 impl Curve<'_> {
     /// Handles the transition at `here`, where test function `index` vanishes.
     pub(in crate::continuation) fn pass_transition(&mut self, index: usize) -> Result<(), ContinuationError> {
-        self.moves_to_singular_point(Some(index))?;
+        self.moves_to_singular_point(&self.selection.clone(), Some(index))?;
         let vanishing = self.met_together(index)?;
         let indices = vanishing.iter().map(|v| v.index).collect();
         let active = ActiveSet::beside(
@@ -241,6 +241,9 @@ impl Curve<'_> {
             Some(k) => self.coactive[k].0.clone(),
             None => self.selection.clone(),
         };
+        if coactive.is_some() {
+            self.moves_to_singular_point(&singular, None)?;
+        }
         let forced: Vec<usize> = self.grazing.iter().map(|v| v.index).collect();
         let vanishing = self.vanishing_here(&forced);
         let active = self.active_here(&vanishing)?;
@@ -248,7 +251,7 @@ impl Curve<'_> {
         search.singular = Some(singular.clone());
         let mut arms = search.all(&active)?;
         let incoming = self.take_incoming(&mut arms)?;
-        if let Some(incoming) = incoming.as_ref().filter(|_| coactive.is_none()) {
+        if let Some(incoming) = &incoming {
             // The tangent of arrival is extrapolated: that of the arm is known better.
             self.here.t = incoming.tangent.iter().map(|t| -t).collect();
         }

@@ -44,7 +44,7 @@ impl Curve<'_> {
                 }
                 Ok(())
             }
-            Some(Monitor::Fold) if self.moves_to_singular_point(None)? => self.pass_branch_point(None),
+            Some(Monitor::Fold) if self.moves_to_singular_point(&self.selection.clone(), None)? => self.pass_branch_point(None),
             Some(Monitor::Fold) => {
                 // Rounding must not put the fold ahead of the point.
                 if let Some(rate) = self.here.t.last_mut() {
