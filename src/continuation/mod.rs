@@ -9,6 +9,7 @@ mod error;
 mod event;
 mod natural;
 mod options;
+mod point;
 mod pursuit;
 mod record;
 #[cfg(feature = "serde")]

@@ -4,6 +4,7 @@ use super::arms::Arms;
 use super::units::Units;
 use super::watch::VERTICAL;
 use crate::continuation::engine::Curve;
+use crate::continuation::point::Wanted;
 use crate::continuation::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
     TransitionKind,
@@ -36,9 +37,15 @@ impl Curve<'_> {
         } else {
             // Without an orientation the selection is singular here.
             let singular = self.here.orientation.is_none().then(|| self.selection.clone());
+            let all = self.every_arm || singular.is_some();
+            let (arrival, before) = (self.here.t.clone(), self.selection.clone());
             let mut search = self.search(&vanishing);
             search.singular = singular;
-            let mut arms = search.all(&active)?;
+            let mut arms = if all {
+                search.all(&active)?
+            } else {
+                search.following(&active, Wanted::After(&arrival), &before)?
+            };
             self.remove_incoming(&mut arms);
             arms
         };
