@@ -85,6 +85,8 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) creeping: usize,
     pub(super) queue: VecDeque<Event>,
     pub(super) termination: Option<Termination>,
+    /// Whether all arms are wanted at each event, as in a diagram, rather than the one along which the curve goes on.
+    pub(super) every_arm: bool,
     pub(super) start: Vec<f64>,
     /// Started if time is limited.
     pub(super) clock: Option<Clock>,
@@ -132,6 +134,7 @@ impl<'a, M> Curve<'a, M> {
             creeping: self.creeping,
             queue: self.queue,
             termination: self.termination,
+            every_arm: self.every_arm,
             start: self.start,
             clock: self.clock,
             over: self.over,

@@ -43,6 +43,7 @@ pub use active::{ActiveSet, active_set, select, select_pieces, value};
 #[cfg(feature = "autodiff")]
 pub use autodiff::{Kinks, NonsmoothFunction, Traced};
 pub use cell::{Facet, cell_margin};
+pub(crate) use derivative::pointed_into;
 pub use derivative::{CoherentOrientation, b_derivative, coherent_orientation};
 pub(crate) use determinants::{ExactSigns, near};
 pub use elements::{BElement, b_subdifferential, clarke_element};

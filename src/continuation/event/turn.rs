@@ -1,8 +1,8 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
 use crate::continuation::engine::Curve;
-use crate::continuation::point::Arms;
 use crate::continuation::point::units::Units;
+use crate::continuation::point::{Arms, Wanted};
 use crate::continuation::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
     TransitionKind,
@@ -41,9 +41,15 @@ impl Curve<'_> {
             None => {
                 // Without an orientation the selection is singular here.
                 let singular = self.here.orientation.is_none().then(|| self.selection.clone());
+                let all = self.every_arm || singular.is_some();
+                let (arrival, before) = (self.here.t.clone(), self.selection.clone());
                 let mut search = self.search(&vanishing);
                 search.singular = singular;
-                let mut arms = search.all(&active)?;
+                let mut arms = if all {
+                    search.all(&active)?
+                } else {
+                    search.following(&active, Wanted::After(&arrival), &before)?
+                };
                 let incoming = self.take_incoming(&mut arms)?;
                 (arms, incoming.unwrap_or_else(|| self.arm_behind(self.direction_here())))
             }

@@ -6,6 +6,7 @@ mod classify;
 pub(super) mod coincidence;
 mod cone;
 mod extension;
+mod first;
 mod large;
 mod reduced;
 pub(super) mod search;
@@ -18,6 +19,7 @@ use super::{Arm, VertexKind};
 use crate::words::Count;
 
 pub(super) use classify::kind_of;
+pub(super) use first::{Wanted, one_arm};
 pub(super) use search::Arms;
 
 use arc::Arc;

@@ -7,6 +7,7 @@ use super::units::Units;
 use super::{Found, InCell, PointDoubt, in_cell};
 use crate::clock::Deadline;
 use crate::continuation::engine::{Curve, Solver};
+use crate::continuation::point::{Wanted, one_arm};
 use crate::continuation::{Arm, ContinuationError, ContinuationOptions};
 use crate::enumeration::{EnumerationError, directional_selections, local_selections};
 use crate::linear::{LinearError, LinearSolver};
@@ -23,6 +24,8 @@ pub(in crate::continuation) const RANK: f64 = 1e-9;
 pub(in crate::continuation) const UNEXPLAINED: f64 = 1e3;
 /// Up to this number of active selections all are tried; beyond it the pruned search excludes most of them first.
 const PLAIN: u128 = 16;
+/// Partial selections that a search may try on the way of a curve, in multiples of those on the straight way to one arm.
+const DETOURS: u64 = 4;
 /// How much smaller than ‖∇θ‖ the largest of two directional derivatives may be.
 const SPREAD: f64 = 1e5;
 
@@ -96,6 +99,23 @@ impl Arms {
 /// Number of residuals up to which the extensions of selections are examined by dense decompositions.
 const DENSE: usize = 60;
 
+/// How a pruned search for arms ended.
+#[derive(PartialEq)]
+enum Pruned {
+    /// No other selection has arms.
+    All,
+    /// At its limit.
+    Some,
+    /// The selections have to be tried one by one.
+    Impossible,
+    Failed,
+}
+
+/// Whether so few selections are active that all are tried.
+fn is_plain(active: &ActiveSet) -> bool {
+    active.total().is_some_and(|total| total <= PLAIN)
+}
+
 pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     pub(in crate::continuation) map: &'a P,
     pub(in crate::continuation) corrector: &'a mut MoorePenrose<L>,
@@ -137,22 +157,15 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     }
 
     fn examine(&mut self, active: &ActiveSet, arms: &mut Arms) -> Result<(), PiecewiseError> {
-        if active.total().is_none_or(|total| total > PLAIN) && !self.map.has_nested_kinks() {
-            let limit = self.options.max_nodes;
-            let found = directional_selections(&self.map, self.x, active, limit, self.deadline);
-            match found {
-                Ok(Some(found)) => {
-                    self.of_selections(found.selections.iter(), arms)?;
-                    if !found.complete {
-                        arms.doubt(PointDoubt::Budget);
-                        self.locally(active, arms)?;
-                    }
-                    return Ok(());
+        if !is_plain(active) {
+            match self.pruned(active, self.options.max_nodes, arms)? {
+                Pruned::All => return Ok(()),
+                Pruned::Some => {
+                    arms.doubt(PointDoubt::Budget);
+                    return self.locally(active, arms);
                 }
-                // Rows that depend on several sites, or too large a table: the selections are tried one by one.
-                Ok(None) | Err(EnumerationError::TooLarge { .. }) => {}
-                Err(EnumerationError::Map(e)) => return Err(e),
-                Err(_) => arms.doubt(PointDoubt::Budget),
+                Pruned::Impossible => {}
+                Pruned::Failed => arms.doubt(PointDoubt::Budget),
             }
         }
         for (examined, selection) in active.selections().enumerate() {
@@ -163,6 +176,64 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             self.of_selection(&selection, None, arms)?;
         }
         Ok(())
+    }
+
+    /// The arms that a pruned search finds within a limit of partial selections.
+    fn pruned(&mut self, active: &ActiveSet, limit: u64, arms: &mut Arms) -> Result<Pruned, PiecewiseError> {
+        if self.map.has_nested_kinks() {
+            return Ok(Pruned::Impossible);
+        }
+        let found = match directional_selections(&self.map, self.x, active, limit, self.deadline) {
+            Ok(Some(found)) => found,
+            // Rows that depend on several sites, or too large a table: the selections are tried one by one.
+            Ok(None) | Err(EnumerationError::TooLarge { .. }) => return Ok(Pruned::Impossible),
+            Err(EnumerationError::Map(e)) => return Err(e),
+            Err(_) => return Ok(Pruned::Failed),
+        };
+        self.of_selections(found.selections.iter(), arms)?;
+        Ok(if found.complete { Pruned::All } else { Pruned::Some })
+    }
+
+    /// The arm along which a curve goes on, and with it all others where few selections are active; after an arrival also where a search
+    /// that hardly branches finds them. Only then is the list complete. Where α̇ is prescribed it may be empty.
+    pub(in crate::continuation) fn following(
+        &mut self,
+        active: &ActiveSet,
+        wanted: Wanted<'_>,
+        start: &Selection,
+    ) -> Result<Arms, PiecewiseError> {
+        if is_plain(active) {
+            return self.all(active);
+        }
+        let complete = true;
+        if let Wanted::After(_) = wanted {
+            let pieces = active.degenerate_sites().iter().map(|s| s.1.len() as u64);
+            let limit = self.options.max_nodes.min(DETOURS * pieces.sum::<u64>());
+            let mut arms = Arms { complete, ..Arms::default() };
+            if self.is_small(active) && self.pruned(active, limit, &mut arms)? == Pruned::All {
+                self.settle(&mut arms)?;
+                return Ok(arms);
+            }
+            self.found.clear();
+            self.solids.clear();
+        }
+        let mut arms = Arms { complete, ..Arms::default() };
+        arms.doubt(PointDoubt::NotSearched);
+        let meeting = (active, self.vanishing);
+        if let Some(found) = one_arm(&self.map, self.x, meeting, wanted, start, self.deadline)? {
+            self.of_selection(&found, None, &mut arms)?;
+            self.settle(&mut arms)?;
+        }
+        match wanted {
+            Wanted::After(_) if arms.list.is_empty() => self.all(active),
+            _ => Ok(arms),
+        }
+    }
+
+    /// Whether the table of a pruned search has no more entries than ∇H of a moderate number of unknowns: it is eliminated densely.
+    fn is_small(&self, active: &ActiveSet) -> bool {
+        let forms = self.map.num_residuals() + active.vanishing().len();
+        forms <= MAX_BRANCHING
     }
 
     /// The arms that a local search finds, where not all selections can be examined.
@@ -452,15 +523,28 @@ impl<'a> Curve<'a> {
         &mut self,
         vanishing: &[Vanishing],
     ) -> Result<Arms, ContinuationError> {
+        self.arms_with(vanishing, None)
+    }
+
+    /// All arms, or where a sign of α̇ is given one on which α moves so, and others that are found with it.
+    pub(in crate::continuation) fn arms_with(
+        &mut self,
+        vanishing: &[Vanishing],
+        rate: Option<f64>,
+    ) -> Result<Arms, ContinuationError> {
         let active = self.active_here(vanishing)?;
         if let Some(&site) = active.outside().first() {
             return Err(ContinuationError::Outside {
                 site: self.map.site_name(site).into_owned(),
             });
         }
+        let start = self.selection.clone();
         let mut search = self.search(vanishing);
         search.unknown = !search.map.is_piecewise_affine();
-        Ok(search.all(&active)?)
+        match rate {
+            Some(rate) => Ok(search.following(&active, Wanted::Rate(rate), &start)?),
+            None => Ok(search.all(&active)?),
+        }
     }
 
     pub(in crate::continuation) fn search<'s>(
