@@ -20,7 +20,8 @@ pub struct Point {
     pub arclength: f64,
     /// ‖H(x)‖₂.
     pub residual_norm: f64,
-    /// Sign of det ∇_yH^(σ), where the solver provides determinants; 0 when singular (|α̇| ≤ 1e-7).
+    /// Sign of det ∇_yH^(σ), where the solver provides determinants; 0 at folds, and where the curve is vertical: where α̇ does not exceed its
+    /// rounding error (on polygons, and on arrival at transitions and branch points, 1e-7).
     pub det_sign: Option<i8>,
     /// Number of corrections spent on it.
     pub corrections: usize,

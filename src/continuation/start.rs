@@ -470,6 +470,7 @@ impl Start {
             theta,
             orientation: None,
             det_sign: None,
+            heading: None,
             decline: None,
             residual_norm: 0.0,
             s: 0.0,

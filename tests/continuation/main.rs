@@ -45,3 +45,4 @@ mod tampered;
 mod transition_sets;
 mod uniqueness;
 mod units;
+mod within_steps;

@@ -28,6 +28,7 @@ impl Curve<'_> {
                 }),
         );
         self.here.s = 0.0;
+        self.here.heading = Some(arm.direction);
         self.linearize_here()?;
         self.find_coactive()?;
         if !arm.probe.is_empty() && !self.map.is_piecewise_affine() {

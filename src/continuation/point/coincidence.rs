@@ -10,7 +10,7 @@ use crate::sparse::norm;
 /// Distance along the curve, relative to 1 + ‖x‖, beyond which zeros do not coincide.
 const WIDE: f64 = 1e-6;
 /// Bound of rounding errors, in multiples of their estimate.
-const SAFETY: f64 = 16.0;
+pub(in crate::continuation) const SAFETY: f64 = 16.0;
 
 impl Curve<'_> {
     /// The test functions that vanish at a transition located on `index`, by position.
