@@ -61,7 +61,7 @@ pub fn options(alpha_unit: f64, range: (f64, f64), share: f64) -> ContinuationOp
         .with_step(default.step * unit)
         .with_max_step(default.max_step * unit)
         .with_min_step((default.min_step * unit).min(default.min_step))
-        .with_max_points(1000)
+        .with_max_points(3000)
         .with_parameter_range(range)
 }
 
@@ -125,7 +125,7 @@ pub fn explore(
 ) -> Result<Explored, Refusal> {
     let options = DiagramOptions::default()
         .with_continuation(options)
-        .with_max_points(4000)
+        .with_max_points(6000)
         .with_max_edges(200);
     let diagram = Diagram::explore(map, &[start], &options)?;
     let vertices = diagram.vertices().iter().map(|v| {

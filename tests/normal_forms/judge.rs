@@ -391,7 +391,7 @@ impl<'a> Member<'a> {
         for share in [1.0, 0.05] {
             let what = format!("curve at {share} of the default step");
             let options =
-                options(self.inner.alpha_unit, limits, share).with_max_points((1000.0 / share) as usize);
+                options(self.inner.alpha_unit, limits, share).with_max_points((3000.0 / share) as usize);
             match folds(&self.map, start, increasing, options) {
                 Ok(folds) => {
                     let folds: Vec<Vec<f64>> = folds.iter().map(|f| self.inner.normal(f)).collect();
