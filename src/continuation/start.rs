@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::engine::{Curve, Solver, State, generic_probe, term_size};
-use super::point::{Arms, PointAnalysis, PointDoubt};
+use super::point::{Arms, Certainty, PointAnalysis, PointDoubt, certainty};
 use super::event::watch::Departure;
 use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
 use crate::clock::Clock;
@@ -268,8 +268,8 @@ pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
 ) -> Result<PointAnalysis, ContinuationError> {
     let mut curve = Curve::prepare(map, x, options.clone(), Box::new(solver()))?;
     let curve = curve.erased_mut();
-    let mut arms = curve.arms_of_start()?;
-    let analysis = PointAnalysis::new(&mut arms);
+    let (mut arms, certainty) = curve.arms_of_start()?;
+    let analysis = PointAnalysis::new(&mut arms, certainty);
     curve.map.unscale_arms(&mut arms.list);
     Ok(PointAnalysis {
         arms: arms.list,
@@ -400,10 +400,22 @@ impl<'a> Curve<'a> {
     }
 
     /// All arms at the start, in scaled variables.
-    pub(super) fn arms_of_start(&mut self) -> Result<Arms, ContinuationError> {
+    pub(super) fn arms_of_start(&mut self) -> Result<(Arms, Certainty), ContinuationError> {
         self.moves_to_singular_point(&self.selection.clone(), None)?;
         let vanishing = self.met_here()?;
-        self.all_arms(&vanishing)
+        let arms = self.all_arms(&vanishing)?;
+        let certainty = match &arms.undecided {
+            Some(doubt) => Certainty::Undecided(doubt.clone()),
+            None if !arms.complete => Certainty::Undecided(PointDoubt::Budget),
+            None => certainty(&&self.map, &self.here.x, &self.active_here(&vanishing)?, &arms.list),
+        };
+        Ok((arms, certainty))
+    }
+
+    /// How certain it is that the arms given are all that leave the start.
+    pub(super) fn certainty_of(&mut self, arms: &[Arm]) -> Result<Certainty, ContinuationError> {
+        let vanishing = self.met_here()?;
+        Ok(certainty(&&self.map, &self.here.x, &self.active_here(&vanishing)?, arms))
     }
 
     /// The vanishing test functions at a start. One that does not vanish to rounding counts only if a curve across its facet passes as

@@ -17,7 +17,7 @@ mod system;
 mod workspace;
 
 pub(crate) use convergence::equilibrate;
-pub(crate) use enclosed::{StepEnclosure, regular_radius, step_enclosure};
+pub(crate) use enclosed::{regular_radius, step_enclosure};
 pub use error::{NewtonError, Unsolved};
 pub use forcing::{Forcing, NewtonKrylovOptions};
 pub use inexact::NewtonKrylov;

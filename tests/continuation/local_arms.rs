@@ -115,7 +115,7 @@ fn a_diagram_reports_that_arms_may_be_missing() {
     let mut options = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
     options.continuation.max_nodes = 3;
     let diagram = Diagram::explore(&map, &[vec![0.0; 41]], &options).unwrap();
-    assert!(!diagram.completeness().is_complete());
+    assert!(diagram.completeness().is_limited());
     assert_eq!(diagram.edges().len(), 4, "{diagram}");
     assert_eq!(diagram.solutions_at(&map, 0.5).unwrap().index_sum(), Some(1));
 }

@@ -111,7 +111,7 @@ fn a_circle_that_is_crossed_is_no_isola() {
     });
     let options = DiagramOptions::default().with_parameter_range((-2.0, 2.0));
     let diagram = Diagram::explore(&map, &[[0.8, 0.6], [0.0, -1.5]], &options).unwrap();
-    assert!(diagram.completeness().is_complete(), "{diagram}");
+    assert!(!diagram.completeness().is_limited(), "{diagram}");
     assert_eq!(diagram.components().len(), 1);
     assert!(diagram.branches().iter().any(|b| b.closed));
     assert!(diagram.isolas().is_empty(), "{diagram}");

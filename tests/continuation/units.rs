@@ -188,7 +188,7 @@ fn diagrams_of_the_pitchfork() {
             ControlFlow::Continue(())
         })
         .unwrap();
-        assert!(diagram.completeness().is_complete());
+        assert!(!diagram.completeness().is_limited());
         // Tangents in x are nearly orthogonal to the α axis where y is of the order 1e9, and yet α varies.
         assert!(diagram.edges().iter().all(|e| !e.is_vertical()));
         let largest = seen.iter().fold(0.0_f64, |a, y| a.max(*y));
@@ -217,10 +217,10 @@ fn diagrams_of_the_pitchfork() {
         );
         // Half of it, and then the rest, gives the whole.
         let half = Diagram::explore(&map, &[[0.0, -0.5]], &options.clone().with_max_points(12)).unwrap();
-        assert!(!half.completeness().is_complete());
+        assert!(half.completeness().is_limited());
         let none: [[f64; 2]; 0] = [];
         let whole = half.resume(&map, &none, &options).unwrap();
-        assert!(whole.completeness().is_complete());
+        assert!(!whole.completeness().is_limited());
         assert_eq!(whole.solutions_at(&map, 0.25).unwrap().count(), Some(3));
     }
 }

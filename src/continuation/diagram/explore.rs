@@ -6,15 +6,17 @@ use std::ops::ControlFlow;
 use super::arc::{Arc, kind_of_slots, reversed};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::split::Stretch;
-use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
+use super::{
+    Diagram, DiagramCompleteness, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind,
+};
 use crate::clock::Clock;
 use crate::continuation::engine::Curve;
 use crate::continuation::point::{Arms, kind_of};
 use crate::continuation::start::{prepared_on, slices, solver};
 use crate::continuation::{
-    Arm, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
+    Arm, Certainty, ContinuationError, Event, MonitorCrossing, Point, PointDoubt, PointKind, Strategy, Termination,
 };
-use crate::newton::MoorePenrose;
+use crate::newton::{MoorePenrose, step_enclosure};
 use crate::piecewise::{PiecewiseSmooth, Scaled};
 use crate::sparse::{distance, dot, norm};
 
@@ -94,6 +96,9 @@ impl Diagram {
     }
 }
 
+/// Variables up to which steps are proven to pass nothing unseen: each proof takes a few hundred times a product with a matrix of this size.
+const ENCLOSED: usize = 16;
+
 /// Cosine of the angle up to which the nearest arm of a vertex may be the one with a given tangent: that of a right angle by far.
 const NEAR: f64 = 0.5;
 
@@ -151,6 +156,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             self.start(start.as_ref())?;
             self.follow_pending();
         }
+        self.conclude();
         Ok(())
     }
 
@@ -166,7 +172,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         if self.diagram.split_at(self.map, &x)? {
             return Ok(());
         }
-        let arms = curve.arms_of_start()?;
+        let (arms, certainty) = curve.arms_of_start()?;
         let x = curve.here.x.clone();
         let mut kind = kind_of(&arms.list);
         if let (VertexKind::PassThrough, [a, b]) = (kind, arms.list.as_slice())
@@ -174,11 +180,17 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         {
             kind = VertexKind::Start;
         }
+        if let (VertexKind::Branching, Some(arm)) = (kind, arms.list.first())
+            && curve.is_singular_here(&arm.selection)?
+        {
+            kind = VertexKind::BranchPoint;
+        }
         let v = self.add_vertex(DiagramVertex {
             x,
             kind,
             is_start: true,
             complete: arms.complete,
+            certainty,
             arms: arms.list.into_iter().map(VertexArm::new).collect(),
         });
         // Both directions of the start come first: later curves must not pass it unnoticed.
@@ -360,6 +372,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
                     is_start: false,
                     arms: arms.cloned().map(VertexArm::new).collect(),
                     complete: meeting.complete,
+                    certainty: self.certainty_of(&meeting),
                 });
                 (v, 0, (1..=meeting.others.len()).collect())
             }
@@ -564,11 +577,12 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             is_start: false,
             arms: Vec::new(),
             complete: kind == VertexKind::Bound,
+            certainty: Certainty::Estimated,
         };
         if kind == VertexKind::Bound
-            && let Ok(arms) = self.arms_at_bound(&point.x)
+            && let Ok((x, arms, certainty)) = self.arms_at_bound(&point.x)
         {
-            let (x, arms) = arms;
+            vertex.certainty = certainty;
             let found = kind_of(&arms.list);
             vertex.complete = arms.complete;
             vertex.x = x;
@@ -580,11 +594,47 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         self.add_vertex(vertex)
     }
 
-    fn arms_at_bound(&self, x: &[f64]) -> Result<(Vec<f64>, Arms), ContinuationError> {
+    fn arms_at_bound(&self, x: &[f64]) -> Result<(Vec<f64>, Arms, Certainty), ContinuationError> {
         let mut curve = prepared_on(self.map, x, self.options.continuation.clone())?;
         let curve = curve.erased_mut();
-        let arms = curve.arms_of_start()?;
-        Ok((curve.here.x.clone(), arms))
+        let (arms, certainty) = curve.arms_of_start()?;
+        Ok((curve.here.x.clone(), arms, certainty))
+    }
+
+    /// How certain it is that no other arms leave a point that a curve has met.
+    fn certainty_of(&self, meeting: &Meeting<'_>) -> Certainty {
+        if !meeting.complete {
+            return Certainty::Undecided(PointDoubt::Budget);
+        }
+        let arms: Vec<Arm> = std::iter::once(&meeting.incoming).chain(meeting.others).cloned().collect();
+        let curve = prepared_on(self.map, meeting.x, self.options.continuation.clone());
+        let found = curve.and_then(|mut curve| curve.erased_mut().certainty_of(&arms));
+        found.unwrap_or(Certainty::Estimated)
+    }
+
+    /// Says how far what was found is proven to be all, if nothing was left out.
+    fn conclude(&mut self) {
+        if self.diagram.completeness.is_limited() {
+            return;
+        }
+        let edges = || self.diagram.edges.iter().flat_map(|e| e.points.windows(2));
+        self.diagram.completeness = if !self.diagram.vertices.iter().all(|v| v.certainty.is_proven()) {
+            DiagramCompleteness::NothingElseFound
+        } else if edges().all(|w| self.passes_nothing(&w[0], &w[1])) {
+            DiagramCompleteness::WithinBounds
+        } else {
+            let step = edges().map(|w| distance(&w[0].x, &w[1].x)).fold(0.0, f64::max);
+            DiagramCompleteness::UpToSteps { step }
+        };
+    }
+
+    /// Whether a step is proven to pass nothing unseen. On affine pieces it ends at the first facet.
+    fn passes_nothing(&self, a: &Point, b: &Point) -> bool {
+        let enclosed = || {
+            let found = step_enclosure(self.map, &a.selection, &a.x, &b.x);
+            found.is_some_and(|e| e.regular && e.facets_told_by_ends && (e.rate.is_some() || a.x == b.x))
+        };
+        self.map.is_piecewise_affine() || (a.x.len() <= ENCLOSED && enclosed())
     }
 
     fn stopped_at(&mut self, vertex: usize, termination: Termination, failure: Option<ContinuationError>) {

@@ -6,7 +6,7 @@ use super::reduced::Reduced;
 use super::{Found, PointDoubt};
 use crate::continuation::Arm;
 use crate::piecewise::{Facet, PiecewiseError, Selection, TestLayout};
-use crate::sparse::{dot, norm};
+use crate::sparse::norm;
 
 /// What a selection contributes to a point.
 pub(super) enum InCell {
@@ -28,18 +28,14 @@ pub(super) fn in_cell(
     let Some(other) = extension.doubtful_rank() else {
         return Ok(found);
     };
-    // Rounding does not tell the two ranks apart: the point is decided only if both give the same arms.
+    // Rounding does not tell the two ranks apart. The reading with more arms contains those of the other one: where curves that meet are torn
+    // apart by rounding, both are right nearby. Corrected points along its arms confirm it.
     extension.rank = other;
     Ok(match (found, inside(&extension, layout)) {
-        (InCell::Arms(a), InCell::Arms(b)) if agree(&a, &b) => InCell::Arms(a),
-        (InCell::Undecided(doubt), _) => InCell::Undecided(doubt),
+        (InCell::Arms(a), InCell::Arms(b)) => InCell::Arms(if b.len() > a.len() { b } else { a }),
+        (InCell::Arms(a), InCell::Undecided(_)) | (InCell::Undecided(_), InCell::Arms(a)) if !a.is_empty() => InCell::Arms(a),
         _ => InCell::Undecided(PointDoubt::Rank),
     })
-}
-
-fn agree(a: &[Found], b: &[Found]) -> bool {
-    let same = |p: &&Found, q: &Found| p.arm.direction == q.arm.direction && dot(&p.arm.tangent, &q.arm.tangent) > 0.5;
-    a.len() == b.len() && a.iter().all(|p| b.iter().filter(|q| same(&p, q)).count() == 1)
 }
 
 fn inside(extension: &Extension<'_>, layout: &TestLayout) -> InCell {

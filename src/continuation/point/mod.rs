@@ -8,6 +8,7 @@ mod cone;
 mod extension;
 mod first;
 mod large;
+mod proof;
 mod reduced;
 pub(super) mod search;
 mod settle;
@@ -20,6 +21,7 @@ use crate::words::Count;
 
 pub(super) use classify::kind_of;
 pub(super) use first::{Wanted, one_arm};
+pub(super) use proof::certainty;
 pub(super) use search::Arms;
 
 use arc::Arc;
@@ -54,12 +56,7 @@ pub struct PointAnalysis {
 
 impl PointAnalysis {
     /// Of the arms found, which are added by the caller.
-    pub(super) fn new(arms: &mut Arms) -> Self {
-        let certainty = match arms.undecided.take() {
-            Some(doubt) => Certainty::Undecided(doubt),
-            None if !arms.complete => Certainty::Undecided(PointDoubt::Budget),
-            None => Certainty::Estimated,
-        };
+    pub(super) fn new(arms: &mut Arms, certainty: Certainty) -> Self {
         let kind = match arms.continua.len() {
             0 => kind_of(&arms.list),
             _ => VertexKind::Continuum,

@@ -5,6 +5,8 @@ use super::extension::Frame;
 use super::large::MAX_BRANCHING;
 use super::units::Units;
 use super::{Found, InCell, PointDoubt, in_cell};
+use std::collections::BTreeSet;
+
 use crate::clock::Deadline;
 use crate::continuation::engine::{Curve, Solver};
 use crate::continuation::point::{Wanted, one_arm};
@@ -133,6 +135,8 @@ pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     /// Whether a kernel was found by a dense decomposition, which takes far longer than a step.
     pub(in crate::continuation) decomposed: bool,
     pub(super) found: Vec<Found>,
+    /// The selections that were examined.
+    pub(super) seen: BTreeSet<Selection>,
     /// Affine cells with continua: the selection, and the kernel in which the continuum lies.
     pub(super) solids: Vec<Solid>,
 }
@@ -215,6 +219,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                 return Ok(arms);
             }
             self.found.clear();
+            self.seen.clear();
             self.solids.clear();
         }
         let mut arms = Arms { complete, ..Arms::default() };
@@ -225,7 +230,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             self.settle(&mut arms)?;
         }
         match wanted {
-            Wanted::After(_) if arms.list.is_empty() => self.all(active),
+            Wanted::After(_) if arms.list.is_empty() => {
+                self.seen.clear();
+                self.all(active)
+            }
             _ => Ok(arms),
         }
     }
@@ -282,6 +290,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         hint: Option<&[f64]>,
         arms: &mut Arms,
     ) -> Result<(), PiecewiseError> {
+        if !self.seen.insert(selection.clone()) {
+            return Ok(());
+        }
         if !self.map.is_piecewise_affine() && self.map.num_residuals() <= DENSE {
             return self.in_cell(selection, arms);
         }
@@ -564,6 +575,7 @@ impl<'a> Curve<'a> {
             deadline: Self::deadline(self.clock, &self.options, self.over.as_ref()),
             decomposed: false,
             found: Vec::new(),
+            seen: BTreeSet::new(),
             solids: Vec::new(),
         }
     }
