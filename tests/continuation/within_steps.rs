@@ -109,6 +109,42 @@ fn slow_folds_do_not_depend_on_units() {
     }
 }
 
+/// y = max(α² (1 + α/3), d), with kinks at about α = ±√d.
+struct Bottom(f64);
+
+impl NonsmoothFunction for Bottom {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        let bowl = x[1] * x[1] * (x[1] / 3.0 + 1.0);
+        out[0] = x[0] - kinks.max(bowl, T::from(self.0));
+    }
+}
+
+/// Until their distance is below that at which test functions count as zero.
+#[test]
+fn two_kinks_within_a_step_are_both_met() {
+    for k in 1..14 {
+        let d = 0.1_f64.powi(k);
+        let map = Traced::new(Bottom(d));
+        for from in [-1.5, -1.43, -1.36_f64] {
+            let y = from * from * (1.0 + from / 3.0);
+            let branch = follow(&map, &[y, from], within(from, 2.0));
+            let met: Vec<f64> = branch.transitions.iter().map(|t| t.parameter()).collect();
+            assert_eq!(met.len(), 2, "d {d:e} from {from}: {met:?}");
+            for (alpha, side) in met.iter().zip([-1.0, 1.0]) {
+                assert!((alpha * alpha * (1.0 + alpha / 3.0) - d).abs() < 1e-12 * d.sqrt());
+                assert!(alpha * side > 0.0);
+            }
+            assert_eq!(branch.termination, Termination::ParameterRange);
+        }
+    }
+}
+
 /// y = W₂ act(W₁ y + w α + b): every activation is tanh, a positive part, or one of both.
 pub(crate) struct Network {
     n: usize,

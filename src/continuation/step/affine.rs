@@ -90,6 +90,7 @@ impl Curve<'_> {
         self.next.s = s;
         self.next.orientation = self.here.orientation;
         self.next.det_sign = self.here.det_sign;
+        self.next.heading = self.here.heading;
         self.settle()?;
         self.map.test_functions(&self.next.x, &mut self.next.theta);
         if let Some(Monitor::Facet { index, .. }) = event {

@@ -26,8 +26,9 @@ impl Curve<'_> {
         self.forget_facets_left()?;
         self.refresh_sides();
         let arrival = (!self.watches.is_empty()).then(|| self.here.t.clone());
+        // An event beyond the start is none of a curve that closes there.
         let located = match event {
-            Some(Monitor::User(k)) => Some(k),
+            Some(Monitor::User(k)) if !closed => Some(k),
             _ => None,
         };
         if closed {
