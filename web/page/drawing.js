@@ -154,27 +154,31 @@ const axes = ({ width, height, x, y, xLabel, yLabel, title, legend, colours, nam
 
 // The path of an edge from point to point: cubics with the tangents of the edge at their ends, as the crate draws them (Curve in its module
 // output), lines where the edge is straight. `value` gives the drawn quantity of x; its slope is a one-sided difference quotient.
-const pathOf = (edge, from, to, value, X, Y) => {
-  const last = (x) => x[x.length - 1];
-  const at = (x) => [X(last(x)), Y(value(x))];
+const pathOf = (edge, first, last, value, X, Y) => {
+  const parameter = (x) => x[x.length - 1];
+  const at = (x) => [X(parameter(x)), Y(value(x))];
   const pixel = ([a, b]) => `${a.toFixed(2)},${b.toFixed(2)}`;
   const unit = ([a, b]) => [a / Math.hypot(a, b), b / Math.hypot(a, b)];
+  const cross = (a, b) => a[0] * b[1] - a[1] * b[0];
   const direction = (x, t, h) => {
     const along = (s) => value(x.map((v, k) => v + s * t[k]));
     const slope = (4 * along(h) - 3 * value(x) - along(2 * h)) / (2 * h);
-    return unit([(X(1) - X(0)) * last(t), (Y(1) - Y(0)) * slope]);
+    return unit([(X(1) - X(0)) * parameter(t), (Y(1) - Y(0)) * slope]);
   };
-  let path = `M${pixel(at(edge.points[from]))}`;
-  for (let k = from; k < to; k += 1) {
+  let path = `M${pixel(at(edge.points[first]))}`;
+  for (let k = first; k < last; k += 1) {
     const [x, z] = [edge.points[k], edge.points[k + 1]];
     const [a, b] = [at(x), at(z)];
     const h = 1e-4 * Math.hypot(...x.map((v, i) => z[i] - v));
     const [u, v] = [direction(x, edge.tangents[k], h), direction(z, edge.tangents[k + 1], -h)];
     const chord = Math.hypot(b[0] - a[0], b[1] - a[1]);
-    // On a circle the middle of the cubic lies on the circle.
-    const length = (2 * chord) / (3 * (1 + Math.sqrt(Math.max(0, (1 + u[0] * v[0] + u[1] * v[1]) / 2))));
-    const [p, q] = [[a[0] + length * u[0], a[1] + length * u[1]], [b[0] - length * v[0], b[1] - length * v[1]]];
-    const away = ([c, d]) => Math.abs((c - a[0]) * (b[1] - a[1]) - (d - a[1]) * (b[0] - a[0])) / chord;
+    const c = unit([b[0] - a[0], b[1] - a[1]]);
+    // Parabolas are exact: control points at two thirds of the ways to the point where the tangents meet.
+    const turn = cross(u, v);
+    const [ahead, behind] = [cross(c, v) / turn, cross(u, c) / turn];
+    const [from, to] = (ahead > 0 && behind > 0 ? [2 * Math.min(ahead, 1), 2 * Math.min(behind, 1)] : [1, 1]).map((l) => (l * chord) / 3);
+    const [p, q] = [[a[0] + from * u[0], a[1] + from * u[1]], [b[0] - to * v[0], b[1] - to * v[1]]];
+    const away = (d) => Math.abs(cross([d[0] - a[0], d[1] - a[1]], c));
     path += Math.max(away(p), away(q)) > 0.05 ? `C${pixel(p)} ${pixel(q)} ${pixel(b)}` : `L${pixel(b)}`;
   }
   return path;

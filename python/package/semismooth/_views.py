@@ -102,10 +102,17 @@ def _smooth(points: Any, departures: Any, arrivals: Any, x: _Drawn, y: _Drawn) -
         v = np.array([_rates(points[1:], arrivals[1:], what, -steps) for what in (x, y)]) / unit
         u, v = u / np.linalg.norm(u, axis=0), v / np.linalg.norm(v, axis=0)
         chord = np.linalg.norm(b - a, axis=0)
-        # On a circle the middle of the cubic lies on the circle.
-        length = 2 * chord / (3 * (1 + np.sqrt(np.maximum(0, (1 + np.sum(u * v, axis=0)) / 2))))
-        p, q = a + length * u, b - length * v
-        away = [np.abs((c - a)[0] * (b - a)[1] - (c - a)[1] * (b - a)[0]) / chord for c in (p, q)]
+        c = (b - a) / chord
+
+        def cross(p: Any, q: Any) -> Any:
+            return p[0] * q[1] - p[1] * q[0]
+
+        # Parabolas are exact: control points at two thirds of the ways to the point where the tangents meet.
+        ahead, behind = cross(c, v) / cross(u, v), cross(u, c) / cross(u, v)
+        meet = (ahead > 0) & (behind > 0)
+        p = a + chord / 3 * np.where(meet, 2 * np.minimum(ahead, 1), 1) * u
+        q = b - chord / 3 * np.where(meet, 2 * np.minimum(behind, 1), 1) * v
+        away = [np.abs(cross(d - a, c)) for d in (p, q)]
         bent = np.maximum(*away) > 1e-4
     t = np.linspace(0, 1, 17)[1:]
     parts = [corners[:, :1]]

@@ -47,25 +47,32 @@ impl Stretch {
     }
 }
 
-/// The cubic from a to b, between points in the picture, with these directions at its ends: their lengths do
-/// not matter. On a circle its middle lies on the circle. Straight where it hardly leaves the chord, or where
-/// an end has no direction.
+/// The cubic from a to b with these directions at its ends: their lengths do not matter. On a parabola, which
+/// short arcs of smooth curves are nearly, it is the parabola, whatever the scales of the axes: its control
+/// points are at two thirds of the ways to the point where the tangents meet. Where they meet behind the
+/// ends, as at a point of inflection, they are at a third of the chord. Straight where it hardly leaves the
+/// chord, or where an end has no direction.
 pub(super) fn bend(a: Pixel, b: Pixel, [from, to]: [Pixel; 2]) -> Bend {
     let unit = |d: Pixel| {
         let length = d.0.hypot(d.1);
         (length > 0.0 && length.is_finite()).then(|| (d.0 / length, d.1 / length))
     };
-    let (chord, from, to) = (distance(a, b), unit(from)?, unit(to)?);
-    // Control points of the arc of a circle between directions at the angle φ: at (4/3) tan(φ/4) radii, the
-    // chord being 2 sin(φ/2) radii.
-    let cosine = (0.5 * (1.0 + from.0 * to.0 + from.1 * to.1)).max(0.0).sqrt();
-    let length = 2.0 * chord / (3.0 * (1.0 + cosine));
+    let cross = |p: Pixel, q: Pixel| p.0 * q.1 - p.1 * q.0;
+    let (from, to, along) = (unit(from)?, unit(to)?, unit((b.0 - a.0, b.1 - a.1))?);
+    let chord = distance(a, b);
+    // Distances to the common point of the tangents, in chords (law of sines).
+    let turn = cross(from, to);
+    let (ahead, behind) = (cross(along, to) / turn, cross(from, along) / turn);
+    // Arcs of half a circle and more have no such point, or one far away.
+    let (ahead, behind) = match ahead > 0.0 && behind > 0.0 {
+        true => (ahead.min(1.0) * 2.0 / 3.0, behind.min(1.0) * 2.0 / 3.0),
+        false => (1.0 / 3.0, 1.0 / 3.0),
+    };
     let controls = [
-        (a.0 + length * from.0, a.1 + length * from.1),
-        (b.0 - length * to.0, b.1 - length * to.1),
+        (a.0 + ahead * chord * from.0, a.1 + ahead * chord * from.1),
+        (b.0 - behind * chord * to.0, b.1 - behind * chord * to.1),
     ];
-    let along = unit((b.0 - a.0, b.1 - a.1))?;
-    let away = |p: Pixel| ((p.0 - a.0) * along.1 - (p.1 - a.1) * along.0).abs();
+    let away = |p: Pixel| cross((p.0 - a.0, p.1 - a.1), along).abs();
     // A cubic is at most ¾ as far away as its control points.
     let leaves = controls.iter().any(|p| 0.75 * away(*p) > STRAIGHT);
     leaves.then_some(controls)
