@@ -385,3 +385,19 @@ fn waves_far_out() {
         }
     }
 }
+
+/// Between two neighbouring numbers on either side of a pole, tan is undefined, however near to a multiple of the rounded π/2 they are.
+#[test]
+fn poles_between_neighbouring_numbers() {
+    for k in (1..20_000).step_by(2) {
+        let mut before = f64::from(k) * FRAC_PI_2;
+        while before.tan() < 0.0 {
+            before = before.next_down();
+        }
+        while before.next_up().tan() > 0.0 {
+            before = before.next_up();
+        }
+        assert!(over(before, before.next_up()).tan().is_undefined(), "{k}");
+        assert!(!over(before - 1.0, before - 1e-9).tan().is_undefined(), "{k}");
+    }
+}
