@@ -1,7 +1,9 @@
-//! Intervals as scalars of formulas: what a formula takes at all points of a box lies in the interval that it gives for the box.
+//! Intervals as scalars of formulas: what a formula takes at all points of a box lies in the interval that it
+//! gives for the box.
 //!
-//! Sums, products, quotients and square roots are rounded outward exactly, by the sign of their rounding error. The other functions of
-//! the standard library are assumed to be within [`ULPS`] units in the last place.
+//! Sums, products, quotients and square roots are rounded outward exactly, by the sign of their rounding
+//! error. The other functions of the standard library are assumed to be within [`ULPS`] units in the last
+//! place.
 
 use std::cell::Cell;
 use std::f64::consts::FRAC_PI_2;
@@ -12,17 +14,19 @@ use num_traits::{Num, One, Signed, Zero};
 use super::series::Coefficient;
 use crate::piecewise::Real;
 
-/// Units in the last place by which exp, ln and the like are widened: the C libraries and Rust's own port of them document errors of at
-/// most 2 for these functions; twice as many leaves a margin.
+/// Units in the last place by which exp, ln and the like are widened: the C libraries and Rust's own port of
+/// them document errors of at most 2 for these functions; twice as many leaves a margin.
 const ULPS: usize = 4;
 
 thread_local! {
-    /// Whether a formula asked for the value of an interval with more than one point: then it may have taken a branch that is not that of
-    /// all points. Formulas run on the thread that calls them, as scalars need not be `Send`.
+    /// Whether a formula asked for the value of an interval with more than one point: then it may have taken
+    /// a branch that is not that of all points. Formulas run on the thread that calls them, as scalars need
+    /// not be `Send`.
     static BRANCHED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// What `evaluate` gives, unless a formula branched in it on the value of an interval that does not decide the branch.
+/// What `evaluate` gives, unless a formula branched in it on the value of an interval that does not decide
+/// the branch.
 pub(super) fn without_branches<R>(evaluate: impl FnOnce() -> R) -> Option<R> {
     let before = BRANCHED.replace(false);
     let result = evaluate();
@@ -40,7 +44,8 @@ pub(crate) struct Interval {
     high: f64,
 }
 
-/// a + b rounded down: the rounding error is computed exactly (Knuth 1969), or is no number where the sum overflows.
+/// a + b rounded down: the rounding error is computed exactly (Knuth 1969), or is no number where the sum
+/// overflows.
 fn sum_down(a: f64, b: f64) -> f64 {
     let sum = a + b;
     let part = sum - a;
@@ -202,8 +207,8 @@ impl Interval {
         Self::new(low, high)
     }
 
-    /// Whether a number `period` · k + `first` (k whole, the period a power of two) lies in this interval. Rounding of large numbers never
-    /// moves one across such a number.
+    /// Whether a number `period` · k + `first` (k whole, the period a power of two) lies in this interval.
+    /// Rounding of large numbers never moves one across such a number.
     fn meets(self, first: f64, period: f64) -> bool {
         ((self.low - first) / period).ceil() <= ((self.high - first) / period).floor()
     }
@@ -244,7 +249,8 @@ impl Sub for Interval {
     }
 }
 
-/// The hull of what pairs of ends give, each rounded down and up; that of two infinite ends is no number and says nothing.
+/// The hull of what pairs of ends give, each rounded down and up; that of two infinite ends is no number and
+/// says nothing.
 fn hull(pairs: [(f64, f64); 4], down: fn(f64, f64) -> f64) -> Interval {
     let ends = pairs.map(|(a, b)| (down(a, b), -down(-a, b)));
     Interval::new(

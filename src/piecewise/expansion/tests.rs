@@ -2,7 +2,8 @@ use super::*;
 use crate::piecewise::{Facet, Kinks, MinMap, NonsmoothFunction, Real, Scaled, Traced};
 use crate::spread::Random;
 
-/// Random curved formulas with a kink inside another; `speed` is the inverse of the length over which they are smooth.
+/// Random curved formulas with a kink inside another; `speed` is the inverse of the length over which they
+/// are smooth.
 struct Curved {
     c: [f64; 8],
     speed: f64,
@@ -305,7 +306,8 @@ fn derivatives_within(
     first.then_some(all)
 }
 
-/// Jacobians, gradients and coefficients at points of a box lie in their enclosures, in scaled variables, too.
+/// Jacobians, gradients and coefficients at points of a box lie in their enclosures, in scaled variables,
+/// too.
 #[test]
 fn derivatives_lie_in_their_enclosures() {
     let mut random = Random::new(12);
