@@ -1,21 +1,24 @@
 //! Proofs that a step along a curve jumps over nothing, from derivatives enclosed over boxes.
 //!
-//! The extended system at a point z of a chord with the direction t is F(x) = (H(x), t·(x − z)). For every matrix A of the enclosure of its
-//! derivative over the box z ± w let |I − C A| ≤ G and |C F(z)| ≤ y, component by component. If y + G w < w, Krawczyk's theorem says that F
-//! has exactly one zero in the box, and that every A is regular (R. Krawczyk 1969; A. Neumaier, Interval methods for systems of equations,
-//! 1990, theorem 5.1.8). Boxes of one size w around all points z of the chord then hold exactly one curve, which is a graph over t·x.
+//! The extended system at a point z of a chord with the direction t is F(x) = (H(x), t·(x − z)). For every
+//! matrix A of the enclosure of its derivative over the box z ± w let |I − C A| ≤ G and |C F(z)| ≤ y,
+//! component by component. If y + G w < w, Krawczyk's theorem says that F has exactly one zero in the box,
+//! and that every A is regular (R. Krawczyk 1969; A. Neumaier, Interval methods for systems of equations,
+//! 1990, theorem 5.1.8). Boxes of one size w around all points z of the chord then hold exactly one curve,
+//! which is a graph over t·x.
 
 use crate::linear::{DenseLu, LinearSolver};
 use crate::piecewise::expansion::TERMS;
 use crate::piecewise::{Expansions, PiecewiseSmooth, Selection, TestLayout};
 use crate::sparse::{dot, max_abs, norm};
 
-/// Numbers of residuals up to which proofs are tried. They cost n + 1 evaluations of the map over intervals and O(n³) operations for each
-/// box, some 10 ms at this size.
+/// Numbers of residuals up to which proofs are tried. They cost n + 1 evaluations of the map over intervals
+/// and O(n³) operations for each box, some 10 ms at this size.
 const LARGEST: usize = 50;
 
-/// Numbers of boxes along a chord that are tried until all is known. If steps are accepted at a quarter of the length over which H is smooth, eight boxes see a 32nd of it each; where
-/// this does not suffice, shorter steps are better than more boxes.
+/// Numbers of boxes along a chord that are tried until all is known. If steps are accepted at a quarter of
+/// the length over which H is smooth, eight boxes see a 32nd of it each; where this does not suffice, shorter
+/// steps are better than more boxes.
 const BOXES: [usize; 4] = [1, 2, 4, 8];
 
 /// Rounds of x ← y + G x: each of them adds a factor |G|, and |G| ≤ ½ leaves 2⁻¹⁰ after ten.
@@ -24,19 +27,20 @@ const ROUNDS: usize = 10;
 /// What is known all along a step between two points of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct StepEnclosure {
-    /// Whether one curve joins the two points near the chord, and no other passes there. The extended Jacobian (∇H^(σ) and the chord as a
-    /// last row) is regular around it, so that its determinant has one sign.
+    /// Whether one curve joins the two points near the chord, and no other passes there. The extended
+    /// Jacobian (∇H^(σ) and the chord as a last row) is regular around it, so that its determinant has one
+    /// sign.
     pub(crate) regular: bool,
-    /// The sign (±1) of the rate of α from the first point to the second, if it is the same all along; the determinant of ∂H/∂y then has
-    /// one sign, too.
+    /// The sign (±1) of the rate of α from the first point to the second, if it is the same all along; the
+    /// determinant of ∂H/∂y then has one sign, too.
     pub(crate) rate: Option<f64>,
-    /// Whether the values at the ends tell which facets of the cell the curve passes between them: each test function keeps its sign, or it
-    /// grows or falls all along.
+    /// Whether the values at the ends tell which facets of the cell the curve passes between them: each test
+    /// function keeps its sign, or it grows or falls all along.
     pub(crate) facets_told_by_ends: bool,
 }
 
-/// Encloses what H^(σ) does between two points of a curve. `None` for maps whose derivatives are not enclosed, that are undefined near
-/// the chord, or of more than 50 residuals.
+/// Encloses what H^(σ) does between two points of a curve. `None` for maps whose derivatives are not
+/// enclosed, that are undefined near the chord, or of more than 50 residuals.
 pub(crate) fn step_enclosure(
     map: &dyn PiecewiseSmooth,
     selection: &Selection,
@@ -65,9 +69,10 @@ pub(crate) fn step_enclosure(
     Some(found)
 }
 
-/// The largest radius ρ = 2⁻ᵏ (k = 0 … 40; in units in which variables are typically 1) such that the extended Jacobian (∇H^(σ) and
-/// `tangent` as a last row) is regular in the box |x′ − x| ≤ ρ: of each hyperplane normal to the tangent, the box then holds one solution
-/// of H^(σ) = 0 at most. `None` if there is none, or none is known.
+/// The largest radius ρ = 2⁻ᵏ (k = 0 … 40; in units in which variables are typically 1) such that the
+/// extended Jacobian (∇H^(σ) and `tangent` as a last row) is regular in the box |x′ − x| ≤ ρ: of each
+/// hyperplane normal to the tangent, the box then holds one solution of H^(σ) = 0 at most. `None` if there is
+/// none, or none is known.
 pub(crate) fn regular_radius(
     map: &dyn PiecewiseSmooth,
     selection: &Selection,
@@ -112,7 +117,8 @@ fn size((low, high): (f64, f64)) -> f64 {
     low.abs().max(high.abs())
 }
 
-/// A bound of sums of `terms` products of which each was rounded, from such a rounded sum of nonnegative terms.
+/// A bound of sums of `terms` products of which each was rounded, from such a rounded sum of nonnegative
+/// terms.
 fn above(sum: f64, terms: usize) -> f64 {
     sum * (1.0 + 2.0 * terms as f64 * f64::EPSILON) + terms as f64 * f64::MIN_POSITIVE
 }
@@ -214,7 +220,8 @@ fn inverse(m: usize, rows: &[f64]) -> Option<Vec<f64>> {
     Some(inverse)
 }
 
-/// H and the test functions on a chord: on it, a function is its linear interpolation less s (1 − s) times its second coefficient.
+/// H and the test functions on a chord: on it, a function is its linear interpolation less s (1 − s) times
+/// its second coefficient.
 struct Line<'a> {
     from: &'a [f64],
     chord: &'a [f64],
@@ -289,7 +296,8 @@ impl<'a> Line<'a> {
             for _ in 0..ROUNDS {
                 own = added(&y, &derivative.defect, &own);
             }
-            // Room for the growth of G with the boxes; beyond a factor of two, more boxes are the better answer.
+            // Room for the growth of G with the boxes; beyond a factor of two, more boxes are the better
+            // answer.
             half.iter_mut()
                 .zip(own)
                 .for_each(|(h, own)| *h = h.max(2.0 * own));
@@ -338,7 +346,8 @@ impl<'a> Line<'a> {
 }
 
 impl Derivative {
-    /// All tangents τ with ∇H τ = 0 and t·τ = 1 in the box: τ = c + (I − C A) τ with the last column c of C. `half` is a w with G w < w.
+    /// All tangents τ with ∇H τ = 0 and t·τ = 1 in the box: τ = c + (I − C A) τ with the last column c of C.
+    /// `half` is a w with G w < w.
     fn tangent(&self, half: &[f64]) -> Vec<(f64, f64)> {
         let m = half.len();
         let column: Vec<f64> = self.inverse.iter().skip(m - 1).step_by(m).copied().collect();

@@ -98,8 +98,8 @@ impl Kind {
 #[derive(Debug)]
 enum Mode<'a, T> {
     Record(&'a mut Vec<Kind>),
-    /// The pieces of a selection, or where there is none those that the test functions choose. As many test functions are written down
-    /// as there is room for.
+    /// The pieces of a selection, or where there is none those that the test functions choose. As many test
+    /// functions are written down as there is room for.
     Pieces(Option<&'a Selection>, &'a mut [T]),
     /// All pieces at once.
     Joined,
@@ -383,8 +383,8 @@ impl<F: NonsmoothFunction> Traced<F> {
         }
     }
 
-    /// Residuals and test functions of the pieces of a selection, or of those that the test functions choose: NaN where another number of
-    /// kinks is met than at first.
+    /// Residuals and test functions of the pieces of a selection, or of those that the test functions choose:
+    /// NaN where another number of kinks is met than at first.
     fn evaluate<T: Real>(&self, selection: Option<&Selection>, x: &[T], residual: &mut [T], tests: &mut [T]) {
         let mut kinks = Kinks::new(Mode::Pieces(selection, &mut *tests));
         self.function.eval(x, &mut kinks, residual);

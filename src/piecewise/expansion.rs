@@ -1,4 +1,5 @@
-//! Taylor expansions of the pieces of a map along arcs: exact where the map gives them, else from differences of Jacobians.
+//! Taylor expansions of the pieces of a map along arcs: exact where the map gives them, else from differences
+//! of Jacobians.
 
 use super::{PiecewiseSmooth, Selection, TestLayout};
 use crate::sparse::Matrix;
@@ -8,19 +9,21 @@ pub(crate) const TERMS: usize = 5;
 
 /// Taylor expansions of the pieces of a map along arcs.
 ///
-/// Maps of formulas (`Traced`) have them. A map of your own that knows its higher derivatives
-/// returns this from [`expansions`](PiecewiseSmooth::expansions): where Jacobians are singular, the branches that meet are then found
-/// from derivatives without errors of differences.
+/// Maps of formulas (`Traced`) have them. A map of your own that knows its higher derivatives returns this
+/// from [`expansions`](PiecewiseSmooth::expansions): where Jacobians are singular, the branches that meet are
+/// then found from derivatives without errors of differences.
 pub trait Expansions {
-    /// Coefficients of H^(σ)(x(s)) and of the test functions along x(s) = Σ arc\[k\] sᵏ, k = 0 … 4, at s = 0; those of the selection where
-    /// kinks are [nested](PiecewiseSmooth::has_nested_kinks). `arc` holds at most 5 vectors of length m, and those it lacks are zero.
-    /// Entry 5 i + k of `residual` (length 5 n) and of `tests` (5 times the number of test functions) is the coefficient of sᵏ. What is
-    /// undefined is NaN or infinite.
+    /// Coefficients of H^(σ)(x(s)) and of the test functions along x(s) = Σ arc\[k\] sᵏ, k = 0 … 4, at s = 0;
+    /// those of the selection where kinks are [nested](PiecewiseSmooth::has_nested_kinks). `arc` holds at
+    /// most 5 vectors of length m, and those it lacks are zero. Entry 5 i + k of `residual` (length 5 n) and
+    /// of `tests` (5 times the number of test functions) is the coefficient of sᵏ. What is undefined is NaN
+    /// or infinite.
     fn along(&self, selection: &Selection, arc: &[&[f64]], residual: &mut [f64], tests: &mut [f64]);
 
-    /// Enclosures (lower and upper ends, rounding included) of ∇H^(σ) and of the gradients of the test functions at all points of the box
-    /// |x − centre| ≤ radius, component by component: entry m i + j belongs to row i and column j. Returns whether there are such
-    /// enclosures: not where a function is undefined at a point of the box. Default: `false`.
+    /// Enclosures (lower and upper ends, rounding included) of ∇H^(σ) and of the gradients of the test
+    /// functions at all points of the box |x − centre| ≤ radius, component by component: entry m i + j
+    /// belongs to row i and column j. Returns whether there are such enclosures: not where a function is
+    /// undefined at a point of the box. Default: `false`.
     fn jacobian_within(
         &self,
         _selection: &Selection,
@@ -32,9 +35,9 @@ pub trait Expansions {
         false
     }
 
-    /// Enclosures of the coefficients that [`along`](Self::along) gives for the lines x + s·direction through all points x of the box
-    /// |x − centre| ≤ radius: entry 5 i + k encloses the values, for k = 0, or the k-th derivatives divided by k!. Returns whether there
-    /// are such enclosures. Default: `false`.
+    /// Enclosures of the coefficients that [`along`](Self::along) gives for the lines x + s·direction through
+    /// all points x of the box |x − centre| ≤ radius: entry 5 i + k encloses the values, for k = 0, or the
+    /// k-th derivatives divided by k!. Returns whether there are such enclosures. Default: `false`.
     fn derivatives_within(
         &self,
         _selection: &Selection,
@@ -57,8 +60,9 @@ pub(crate) enum Exactness {
     Estimated { residual: Vec<f64>, tests: Vec<f64> },
 }
 
-/// As [`Expansions::along`], for any map. Without expansions, coefficients beyond the first come from differences of J(x(s)) x′(s) in s,
-/// for which the arc should have about the speed 1 in variables whose typical size is 1.
+/// As [`Expansions::along`], for any map. Without expansions, coefficients beyond the first come from
+/// differences of J(x(s)) x′(s) in s, for which the arc should have about the speed 1 in variables whose
+/// typical size is 1.
 pub(crate) fn along(
     map: &dyn PiecewiseSmooth,
     selection: &Selection,
@@ -114,10 +118,11 @@ pub(crate) fn along(
     Exactness::Estimated { residual, tests }
 }
 
-/// Exponents k of the lengths 2⁻ᵏ at which slopes are taken, from a quarter of the typical size of a variable. Third differences of slopes
-/// with noise ν and truncation h⁴ are best at h = ν^(1/7) ℓ, where ℓ is the length over which the map is smooth: 2^(−7.4) ℓ for slopes to
-/// rounding, 2⁻⁵ ℓ for slopes that are central differences themselves; the list goes on to ℓ = 10⁻³. The length is chosen for each
-/// coefficient by its own differences.
+/// Exponents k of the lengths 2⁻ᵏ at which slopes are taken, from a quarter of the typical size of a
+/// variable. Third differences of slopes with noise ν and truncation h⁴ are best at h = ν^(1/7) ℓ, where ℓ is
+/// the length over which the map is smooth: 2^(−7.4) ℓ for slopes to rounding, 2⁻⁵ ℓ for slopes that are
+/// central differences themselves; the list goes on to ℓ = 10⁻³. The length is chosen for each coefficient by
+/// its own differences.
 const LENGTHS: [i32; 16] = [2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17];
 
 /// Residuals and test functions along the arc, and their slopes J(x(s)) x′(s).
@@ -161,7 +166,8 @@ impl<'a> Curve<'a> {
         out
     }
 
-    /// Their derivatives at x in a direction, zero where it has no entries; NaN where the Jacobian does not fit its pattern.
+    /// Their derivatives at x in a direction, zero where it has no entries; NaN where the Jacobian does not
+    /// fit its pattern.
     fn slopes(&mut self, x: &[f64], direction: &[f64]) -> Vec<f64> {
         let n = self.map.num_residuals();
         let mut out = vec![0.0; n + self.tests];
@@ -187,7 +193,8 @@ impl<'a> Curve<'a> {
     }
 }
 
-/// The odd and even parts of a function g at ± a length s: (g(s) − g(−s)) / 2s and (g(s) − 2 g(0) + g(−s)) / 2s².
+/// The odd and even parts of a function g at ± a length s: (g(s) − g(−s)) / 2s and (g(s) − 2 g(0) + g(−s)) /
+/// 2s².
 #[derive(Clone, Copy)]
 struct Halves {
     length: f64,
@@ -213,9 +220,10 @@ fn derivatives(halves: &[Halves]) -> [(f64, f64); 3] {
     std::array::from_fn(|k| best(&windows, k))
 }
 
-/// Of the values of derivative k + 1 for shrinking lengths, the one with the smallest estimate of its error, and twice this estimate. It
-/// bounds truncation by the distance from the value for the next larger length, which is 16 or 64 times less exact, and rounding by the
-/// distances between the values for smaller lengths, where rounding grows with the power −(k + 1) of the length.
+/// Of the values of derivative k + 1 for shrinking lengths, the one with the smallest estimate of its error,
+/// and twice this estimate. It bounds truncation by the distance from the value for the next larger length,
+/// which is 16 or 64 times less exact, and rounding by the distances between the values for smaller lengths,
+/// where rounding grows with the power −(k + 1) of the length.
 fn best(windows: &[[f64; 3]], k: usize) -> (f64, f64) {
     let growth = 0.5_f64.powi(k as i32 + 1);
     let mut noise = 0.0_f64;

@@ -115,7 +115,8 @@ pub trait PiecewiseSmooth {
         None
     }
 
-    /// Derivatives of the pieces beyond the first along curves. Default: `None`; they are then estimated from differences of Jacobians.
+    /// Derivatives of the pieces beyond the first along curves. Default: `None`; they are then estimated from
+    /// differences of Jacobians.
     fn expansions(&self) -> Option<Box<dyn Expansions + '_>> {
         None
     }

@@ -163,7 +163,8 @@ fn regular_radii_end_at_singular_points() {
     assert_eq!(regular_radius(&map, &selection, &[0.0, 0.0], &[0.0, 1.0]), None);
 }
 
-/// Random quadratic curves in space, H(x) = B (x − p(x·e)) with a known curve x = p(s), so that the answers can be compared with it.
+/// Random quadratic curves in space, H(x) = B (x − p(x·e)) with a known curve x = p(s), so that the answers
+/// can be compared with it.
 struct Space {
     bends: [f64; 4],
     mix: [f64; 4],
@@ -189,7 +190,8 @@ impl NonsmoothFunction for Space {
     }
 }
 
-/// What is claimed of random steps is true at 200 points of the curve; steps that are short enough are decided.
+/// What is claimed of random steps is true at 200 points of the curve; steps that are short enough are
+/// decided.
 #[test]
 fn claims_hold_along_known_curves() {
     let mut random = Random::new(11);

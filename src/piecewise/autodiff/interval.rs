@@ -1,7 +1,9 @@
-//! Intervals as scalars of formulas: what a formula takes at all points of a box lies in the interval that it gives for the box.
+//! Intervals as scalars of formulas: what a formula takes at all points of a box lies in the interval that it
+//! gives for the box.
 //!
-//! Sums, products, quotients and square roots are rounded outward exactly, by the sign of their rounding error. The other functions of
-//! the standard library are assumed to be within [`ULPS`] units in the last place.
+//! Sums, products, quotients and square roots are rounded outward exactly, by the sign of their rounding
+//! error. The other functions of the standard library are assumed to be within [`ULPS`] units in the last
+//! place.
 
 use std::cell::Cell;
 use std::f64::consts::FRAC_PI_2;
@@ -12,20 +14,19 @@ use num_traits::{Num, One, Signed, Zero};
 use super::series::Coefficient;
 use crate::piecewise::Real;
 
-/// Units in the last place by which exp, ln and the like are widened: the C libraries and Rust's own port of them document errors of at
-/// most 2 for these functions; twice as many leaves a margin.
+/// Units in the last place by which exp, ln and the like are widened: the C libraries and Rust's own port of
+/// them document errors of at most 2 for these functions; twice as many leaves a margin.
 const ULPS: usize = 4;
 
-/// Quarter turns up to which the whole part of x / (π/2) is known: beyond, its rounding error may exceed 1/8.
-const MANY_TURNS: f64 = 1e15;
-
 thread_local! {
-    /// Whether a formula asked for the value of an interval with more than one point: then it may have taken a branch that is not that of
-    /// all points. Formulas run on the thread that calls them, as scalars need not be `Send`.
+    /// Whether a formula asked for the value of an interval with more than one point: then it may have taken
+    /// a branch that is not that of all points. Formulas run on the thread that calls them, as scalars need
+    /// not be `Send`.
     static BRANCHED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// What `evaluate` gives, unless a formula branched in it on the value of an interval that does not decide the branch.
+/// What `evaluate` gives, unless a formula branched in it on the value of an interval that does not decide
+/// the branch.
 pub(super) fn without_branches<R>(evaluate: impl FnOnce() -> R) -> Option<R> {
     let before = BRANCHED.replace(false);
     let result = evaluate();
@@ -43,7 +44,8 @@ pub(crate) struct Interval {
     high: f64,
 }
 
-/// a + b rounded down: the rounding error is computed exactly (Knuth 1969), or is no number where the sum overflows.
+/// a + b rounded down: the rounding error is computed exactly (Knuth 1969), or is no number where the sum
+/// overflows.
 fn sum_down(a: f64, b: f64) -> f64 {
     let sum = a + b;
     let part = sum - a;
@@ -107,11 +109,6 @@ fn far_down(value: f64) -> f64 {
 
 fn far_up(value: f64) -> f64 {
     (0..ULPS).fold(value, |v, _| v.next_up())
-}
-
-/// Whether a number 2ᵖ·k + `first` (k whole) lies between two numbers, given `period` = 2ᵖ.
-fn meets(low: f64, high: f64, first: f64, period: f64) -> bool {
-    ((low - first) / period).ceil() <= ((high - first) / period).floor()
 }
 
 impl Interval {
@@ -190,29 +187,30 @@ impl Interval {
         power
     }
 
-    /// sin (extremal where x / (π/2) is 1 and −1 modulo 4) and cos (0 and 2).
+    /// sin (greatest where x / (π/2) is 1 modulo 4) and cos (0), least two quarter turns on.
     fn wave(self, f: fn(f64) -> f64, top: f64) -> Self {
         if self.is_undefined() {
             return self;
         }
         let turns = self.quarter_turns();
-        let (low, high) = (turns.low, turns.high);
-        let known = turns.modulus().high < MANY_TURNS;
-        let at_ends = [f(self.low), f(self.high)];
-        let least = at_ends[0].min(at_ends[1]);
-        let most = at_ends[0].max(at_ends[1]);
-        Self::new(
-            if known && !meets(low, high, top + 2.0, 4.0) {
-                far_down(least).max(-1.0)
-            } else {
-                -1.0
-            },
-            if known && !meets(low, high, top, 4.0) {
-                far_up(most).min(1.0)
-            } else {
-                1.0
-            },
-        )
+        let (first, last) = (f(self.low), f(self.high));
+        let low = if turns.meets(top + 2.0, 4.0) {
+            -1.0
+        } else {
+            far_down(first.min(last)).max(-1.0)
+        };
+        let high = if turns.meets(top, 4.0) {
+            1.0
+        } else {
+            far_up(first.max(last)).min(1.0)
+        };
+        Self::new(low, high)
+    }
+
+    /// Whether a number `period` · k + `first` (k whole, the period a power of two) lies in this interval.
+    /// Rounding of large numbers never moves one across such a number.
+    fn meets(self, first: f64, period: f64) -> bool {
+        ((self.low - first) / period).ceil() <= ((self.high - first) / period).floor()
     }
 
     /// x / (π/2).
@@ -251,7 +249,8 @@ impl Sub for Interval {
     }
 }
 
-/// The hull of what pairs of ends give, each rounded down and up; that of two infinite ends is no number and says nothing.
+/// The hull of what pairs of ends give, each rounded down and up; that of two infinite ends is no number and
+/// says nothing.
 fn hull(pairs: [(f64, f64); 4], down: fn(f64, f64) -> f64) -> Interval {
     let ends = pairs.map(|(a, b)| (down(a, b), -down(-a, b)));
     Interval::new(
@@ -444,13 +443,11 @@ impl Real for Interval {
         self.wave(f64::cos, 0.0)
     }
     fn tan(self) -> Self {
-        let turns = self.quarter_turns();
         // Poles are the odd quarter turns.
-        if turns.modulus().high < MANY_TURNS && !meets(turns.low, turns.high, 1.0, 2.0) {
-            self.growing(f64::tan, f64::NEG_INFINITY, f64::INFINITY)
-        } else {
-            Self::UNDEFINED
+        if self.quarter_turns().meets(1.0, 2.0) {
+            return Self::UNDEFINED;
         }
+        self.growing(f64::tan, f64::NEG_INFINITY, f64::INFINITY)
     }
     fn atan(self) -> Self {
         self.growing(f64::atan, -FRAC_PI_2.next_up(), FRAC_PI_2.next_up())
@@ -477,13 +474,7 @@ impl Real for Interval {
             let signed = |x: f64| if x < 0.0 { -of(x) } else { of(x) };
             Self::new(signed(self.low).low, signed(self.high).high)
         };
-        if n < 0 {
-            if self.contains(0.0) {
-                return Self::UNDEFINED;
-            }
-            return Self::from(1.0) / power;
-        }
-        power
+        if n < 0 { Self::from(1.0) / power } else { power }
     }
     fn powf(self, p: f64) -> Self {
         if p.trunc() == p && p.abs() <= f64::from(i32::MAX) {

@@ -1,6 +1,7 @@
-//! Truncated Taylor series as scalars of formulas: the first K coefficients of f(x(s)) from those of x(s), by the recurrences of
-//! A. Griewank and A. Walther, Evaluating Derivatives, 2nd edition (2008), tables 13.1 and 13.2. Powers are composed from the
-//! binomial series of their base point instead, as the recurrence divides by it and powers of 0 are wanted, too.
+//! Truncated Taylor series as scalars of formulas: the first K coefficients of f(x(s)) from those of x(s), by
+//! the recurrences of A. Griewank and A. Walther, Evaluating Derivatives, 2nd edition (2008), tables 13.1 and
+//! 13.2. Powers are composed from the binomial series of their base point instead, as the recurrence divides
+//! by it and powers of 0 are wanted, too.
 
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
 
@@ -10,7 +11,8 @@ use crate::piecewise::Real;
 
 /// What the coefficients of a series are: numbers, or enclosures of them.
 pub(crate) trait Coefficient: Real {
-    /// Whether this is certainly zero, so that a product with it is zero even where the other factor is infinite.
+    /// Whether this is certainly zero, so that a product with it is zero even where the other factor is
+    /// infinite.
     fn vanishes(&self) -> bool;
     /// Whether this is negative; `None` where an enclosure has both signs.
     fn negative(&self) -> Option<bool>;
@@ -36,7 +38,8 @@ fn integrated<S: Coefficient>(a: &[S], b: &[S], k: usize) -> S {
     sum / k as f64
 }
 
-/// Σ aⱼ b₍ₖ₋ⱼ₎ over j = `first` … k − `first`: coefficient k of a product, or what its inner factors add to it.
+/// Σ aⱼ b₍ₖ₋ⱼ₎ over j = `first` … k − `first`: coefficient k of a product, or what its inner factors add to
+/// it.
 fn convolved<S: Coefficient>(a: &[S], b: &[S], k: usize, first: usize) -> S {
     (first..=k - first).fold(S::from(0.0), |sum, j| sum + a[j] * b[k - j])
 }
@@ -50,8 +53,8 @@ impl<S: Coefficient, const K: usize> Series<S, K> {
         Self(self.0.map(f))
     }
 
-    /// A function of this series from its value and a rule for the others of its coefficients. What does not depend on s has no others,
-    /// even where the slope of the function is infinite.
+    /// A function of this series from its value and a rule for the others of its coefficients. What does not
+    /// depend on s has no others, even where the slope of the function is infinite.
     fn function(self, value: S, others: impl FnOnce(&[S; K], &mut [S; K])) -> Self {
         let mut result = Self::constant(value);
         if self.0.iter().skip(1).any(|a| !a.vanishes()) {

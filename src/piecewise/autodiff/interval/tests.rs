@@ -116,7 +116,8 @@ fn extreme_numbers() {
     assert_eq!(Interval::from(f64::INFINITY).ends(), (f64::MAX, f64::INFINITY));
 }
 
-/// eˣ, sin x, cos x, sinh x and cosh x from their series in whole numbers, in units of 2⁻¹⁰⁰: no other place of the library is asked.
+/// eˣ, sin x, cos x, sinh x and cosh x from their series in whole numbers, in units of 2⁻¹⁰⁰: no other place
+/// of the library is asked.
 #[test]
 fn functions_of_the_library_are_enclosed() {
     let unit = 2.0_f64.powi(100);
@@ -304,7 +305,8 @@ fn lines(centre: [f64; 2], radius: f64, direction: [f64; 2]) -> [Series<Interval
     })
 }
 
-/// Values and four derivatives at points of a box lie in the enclosures over it, and these in those over larger boxes.
+/// Values and four derivatives at points of a box lie in the enclosures over it, and these in those over
+/// larger boxes.
 #[test]
 fn enclosures_hold_what_formulas_give() {
     let mut random = Random::new(7);
@@ -383,5 +385,22 @@ fn waves_far_out() {
             assert_inside(at.cos(), x.cos(), "cos");
             assert_inside(at.tan(), x.tan(), "tan");
         }
+    }
+}
+
+/// Between two neighbouring numbers on either side of a pole, tan is undefined, however near to a multiple of
+/// the rounded π/2 they are.
+#[test]
+fn poles_between_neighbouring_numbers() {
+    for k in (1..20_000).step_by(2) {
+        let mut before = f64::from(k) * FRAC_PI_2;
+        while before.tan() < 0.0 {
+            before = before.next_down();
+        }
+        while before.next_up().tan() > 0.0 {
+            before = before.next_up();
+        }
+        assert!(over(before, before.next_up()).tan().is_undefined(), "{k}");
+        assert!(!over(before - 1.0, before - 1e-9).tan().is_undefined(), "{k}");
     }
 }
