@@ -7,7 +7,7 @@ use crate::continuation::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
     TransitionKind,
 };
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Vanishing};
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
 use crate::sparse::{distance, dot};
 
 /// An arm within this distance of the tangent of arrival goes straight on.
@@ -51,6 +51,10 @@ impl Curve<'_> {
                     search.following(&active, Wanted::After(&arrival), &before)?
                 };
                 let incoming = self.take_incoming(&mut arms)?;
+                if simple && arms.list.is_empty() && !arms.complete {
+                    // What cannot be decided to higher order may still be followed to first order.
+                    arms.list.extend(self.arm_beyond(&vanishing, &active)?);
+                }
                 (arms, incoming.unwrap_or_else(|| self.arm_behind(self.direction_here())))
             }
         };
@@ -100,19 +104,12 @@ impl Curve<'_> {
         vanishing: &[Vanishing],
         active: &ActiveSet,
     ) -> Result<Option<(Arm, i8)>, ContinuationError> {
-        let mut beyond = self.selection.clone();
-        for (site, pieces) in active.degenerate_sites() {
-            if let Some(&other) = pieces.iter().find(|&&p| p != self.selection.piece(*site)) {
-                beyond.set(*site, other);
-            }
-        }
         let affine = self.map.is_piecewise_affine();
-        if !affine && self.is_singular_here(&beyond)? {
+        if !affine && self.is_singular_here(&self.selection_beyond(active))? {
             return Ok(None);
         }
         let before = self.direction_here();
-        let arrival = self.here.t.clone();
-        let Some(arm) = self.search(vanishing).regular_arm(&beyond, &arrival)? else {
+        let Some(arm) = self.arm_beyond(vanishing, active)? else {
             return Ok(None);
         };
         if !affine && (before == 0 || arm.direction == 0) {
@@ -129,6 +126,23 @@ impl Curve<'_> {
             });
         }
         Ok(Some((arm, before)))
+    }
+
+    /// The selection on the other side of the only facet that meets here.
+    fn selection_beyond(&self, active: &ActiveSet) -> Selection {
+        let mut beyond = self.selection.clone();
+        for (site, pieces) in active.degenerate_sites() {
+            if let Some(&other) = pieces.iter().find(|&&p| p != self.selection.piece(*site)) {
+                beyond.set(*site, other);
+            }
+        }
+        beyond
+    }
+
+    /// Its arm, if that crosses the facet transversally.
+    fn arm_beyond(&mut self, vanishing: &[Vanishing], active: &ActiveSet) -> Result<Option<Arm>, ContinuationError> {
+        let (beyond, arrival) = (self.selection_beyond(active), self.here.t.clone());
+        Ok(self.search(vanishing).regular_arm(&beyond, &arrival)?)
     }
 
     /// Takes the arm along which the curve arrived out of the list: the nearest to the curve behind, by a point at the distance of the

@@ -192,15 +192,18 @@ impl Curve<'_> {
                 Err(e) => return Err(e.into()),
             }
         }
-        let gap: Vec<f64> = state.x.iter().zip(&there).map(|(a, b)| a - b).collect();
-        let size = norm(&gap);
-        if size <= 2.0 * steps {
-            return Ok(true);
-        }
-        let direction: Vec<f64> = gap.iter().map(|g| g / size).collect();
-        let bits: f64 = direction.iter().zip(other).map(|(d, x)| (d * x).abs()).sum();
-        let rounding = self.corrector.rounding_of(&direction, other, &normal);
-        Ok(rounding.is_some_and(|r| size <= SAFETY * (r + f64::EPSILON * bits)))
+        // The other point has to lie on the curve of the selection itself, too.
+        Ok([(&state.x[..], &there[..]), (&there, other)].into_iter().all(|(a, b)| {
+            let gap: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+            let size = norm(&gap);
+            if size <= 2.0 * steps {
+                return true;
+            }
+            let direction: Vec<f64> = gap.iter().map(|g| g / size).collect();
+            let bits: f64 = direction.iter().zip(other).map(|(d, x)| (d * x).abs()).sum();
+            let rounding = self.corrector.rounding_of(&direction, other, &normal);
+            rounding.is_some_and(|r| size <= SAFETY * (r + f64::EPSILON * bits))
+        }))
     }
 }
 
