@@ -112,18 +112,21 @@ impl Curve<'_> {
         let mut misses = Misses::default();
         if let Some(mut s) = self.between_zeros(monitor, ga) {
             // The bracket begins between the zero that the curve has left and the next one.
-            for _ in 0..INSIDE {
+            let facet = matches!(monitor, Monitor::Facet { .. });
+            let mut inside = false;
+            // The rate at which a facet is left is known, and so is the place.
+            for _ in 0..if facet { 1 } else { INSIDE } {
                 if !self.find_state(s, &high, &mut state, by_chords.then_some(&mut misses))? {
                     return Ok(None);
                 }
                 let g = self.monitor_value(monitor, &state, &origin)?;
                 if g > 0.0 {
-                    (a, ga) = (s, g);
+                    (a, ga, inside) = (s, g, true);
                     break;
                 }
                 s *= 0.5;
             }
-            if ga <= 0.0 && !matches!(monitor, Monitor::Facet { .. }) {
+            if !inside && (facet || ga <= 0.0) {
                 return Ok(None);
             }
         }

@@ -151,7 +151,9 @@ impl Curve<'_> {
     /// α̇ if it is slower inside the step than at its ends, as far as the interpolant of α tells.
     fn falling_rate(&mut self, all: &mut Vec<(Monitor, [Sample; 2])>) -> Result<(), ContinuationError> {
         let heading = self.here.heading.unwrap_or(0);
-        if heading == 0 || self.next.heading != Some(heading) || self.here.decline.is_none() {
+        // Across a singular point the curve may be another one.
+        let regular = self.here.orientation.is_some() && self.here.orientation == self.next.orientation;
+        if heading == 0 || self.next.heading != Some(heading) || !regular {
             return Ok(());
         }
         let (sign, last) = (f64::from(heading), self.here.x.len() - 1);
