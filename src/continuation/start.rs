@@ -19,9 +19,6 @@ use crate::sparse::{dot, norm};
 /// Distance from a facet, relative to 1 + ‖x‖, within which a start is on it.
 const EXACT: f64 = 1e-14;
 
-/// How far beside a point a solution is sought, relative to 1 + |α|: its square is far above rounding, and far below the step.
-const BESIDE: f64 = 1e-6;
-
 /// The direction in which to leave the start.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -307,11 +304,8 @@ impl<'a> Curve<'a> {
         if let Some(rate) = rate
             && !found(self, &arms)
         {
-            if let Some(arm) = self.arm_beside(rate)? {
-                self.adopt(&arm, &[])?;
-                self.forget_orientation();
-                self.emit_start();
-                return Ok(());
+            if let Some((arm, beside)) = self.arm_beside(rate, &arms)? {
+                return self.leave_from_beside(&arm, beside);
             }
             arms = self.all_arms(&vanishing)?;
         }
@@ -320,63 +314,6 @@ impl<'a> Curve<'a> {
         self.doubt_orientation(arm)?;
         self.emit_start();
         Ok(())
-    }
-
-    /// Whether H vanishes to first order along an arm: where H is not piecewise smooth at the point, derivatives of its selections there
-    /// mean nothing.
-    fn is_tangent(&self, arm: &Arm) -> bool {
-        /// A residual below this share of the terms of the step is of second order.
-        const SECOND_ORDER: f64 = 1e-2;
-        /// Rounding errors of H, relative to its terms.
-        const ROUNDING: f64 = 64.0 * f64::EPSILON;
-        if self.map.is_piecewise_affine() {
-            return true;
-        }
-        let x = &self.here.x;
-        let step = 0.1 * BESIDE * (1.0 + norm(x));
-        let ahead: Vec<f64> = (x.iter().zip(&arm.tangent)).map(|(x, t)| x + step * t).collect();
-        // The selection that is active there, which need not be that of the arm.
-        let selection = select(&self.map, &ahead);
-        let mut jac = Matrix::zeros(self.map.pattern());
-        self.map.jacobian(&selection, &ahead, &mut jac);
-        let mut r = vec![0.0; jac.nrows()];
-        self.map.residual(&selection, &ahead, &mut r);
-        let terms = |v: &[f64], scale: f64| {
-            let lengths: Vec<f64> = v.iter().map(|v| scale * v.abs()).collect();
-            let mut sums = vec![0.0; jac.nrows()];
-            jac.as_ref().add_term_sizes(&lengths, &mut sums);
-            sums
-        };
-        let (moved, rounding) = (terms(&arm.tangent, SECOND_ORDER * step), terms(x, ROUNDING));
-        let mut rows = r.iter().zip(moved.iter().zip(&rounding));
-        rows.all(|(r, (moved, rounding))| r.abs() <= moved + rounding)
-    }
-
-    /// An arm by a solution beside the point: where H is not piecewise smooth at it (a node in space without pressure, traction and slip),
-    /// its directional derivative is no linear function in any cell.
-    fn arm_beside(&mut self, rate: f64) -> Result<Option<Arm>, ContinuationError> {
-        if self.map.is_piecewise_affine() {
-            return Ok(None);
-        }
-        let (lower, upper) = self.options.parameter_range;
-        let x = &self.here.x;
-        let Some(&alpha) = x.last() else { return Ok(None) };
-        let room = if rate > 0.0 { upper - alpha } else { alpha - lower };
-        let step = (BESIDE * (1.0 + alpha.abs())).min(0.5 * room);
-        let mut beside = x.clone();
-        if let Some(last) = beside.last_mut() {
-            *last += rate * step;
-        }
-        let mut newton = Newton::new(NewtonOptions::default()).in_own_scale();
-        if newton.solve(&self.map, &mut beside).is_err() {
-            return Ok(None);
-        }
-        let mut tangent: Vec<f64> = beside.iter().zip(x).map(|(b, x)| b - x).collect();
-        let length = norm(&tangent);
-        tangent.iter_mut().for_each(|t| *t /= length);
-        let arm = Arm::along(select(&self.map, &beside), tangent, Vec::new(), None);
-        // A solution of another curve, or one beyond a kink near by, is not joined to the point by a line of solutions.
-        Ok((length > 0.0 && self.is_tangent(&arm)).then_some(arm))
     }
 
     fn leave_along(&mut self, arm: &Arm) -> Result<(), ContinuationError> {

@@ -29,6 +29,7 @@ mod kinks;
 mod live_output;
 mod load_paths;
 mod local_arms;
+mod many_kinks;
 mod monitors;
 mod near_crossings;
 mod nested_kinks;

@@ -47,7 +47,9 @@ impl Curve<'_> {
     /// α̇ at a regular state, and a bound of its rounding error.
     fn rate_of_parameter(&mut self, state: &State) -> Result<Option<(f64, f64)>, ContinuationError> {
         let State { x, t, .. } = state;
-        let sizes: Vec<f64> = x.iter().map(|x| x.abs()).collect();
+        // The point was computed from the one before, and has its rounding errors where it is itself near zero.
+        let other = if self.here.x.len() == x.len() { &self.here.x } else { &self.next.x };
+        let sizes: Vec<f64> = x.iter().zip(other).map(|(x, o)| x.abs().max(o.abs())).collect();
         let moves = match self.corrector.noise(&self.map, &self.selection, (x, &sizes), t) {
             Ok(moves) => moves,
             Err(PiecewiseError::Linear(_)) => return Ok(None),

@@ -121,16 +121,11 @@ impl Curve<'_> {
     /// Resets the orientation where a curve leaves a branch point along an arm on which no other point is known.
     pub(in crate::continuation) fn doubt_orientation(&mut self, arm: &Arm) -> Result<(), ContinuationError> {
         if arm.probe.is_empty() && self.is_singular_here(&self.selection.clone())? {
-            self.forget_orientation();
+            self.here.orientation = None;
+            self.here.det_sign = None;
+            self.here.decline = None;
         }
         Ok(())
-    }
-
-    /// Signs of determinants at `here` mean nothing.
-    pub(in crate::continuation) fn forget_orientation(&mut self) {
-        self.here.orientation = None;
-        self.here.det_sign = None;
-        self.here.decline = None;
     }
 
     /// On curved pieces an arm may run in the boundary of a cell to first order only: drops facets from which the curve has bent away.

@@ -34,7 +34,7 @@ pub(super) fn in_cell(
     Ok(match (found, inside(&extension, layout)) {
         (InCell::Arms(a), InCell::Arms(b)) => InCell::Arms(if b.len() > a.len() { b } else { a }),
         (InCell::Arms(a), InCell::Undecided(_)) | (InCell::Undecided(_), InCell::Arms(a)) if !a.is_empty() => InCell::Arms(a),
-        _ => { if std::env::var_os("DBG").is_some() { eprintln!("rank at {:?} {:?} {}", frame.x, extension.units, extension.error); } InCell::Undecided(PointDoubt::Rank) },
+        _ => InCell::Undecided(PointDoubt::Rank),
     })
 }
 

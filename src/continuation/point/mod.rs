@@ -1,6 +1,7 @@
 //! The local theory of a point of {H = 0}: all arms that leave it, what α does on each, and how certain that is.
 
 mod arc;
+mod beside;
 mod cell;
 mod classify;
 pub(super) mod coincidence;

@@ -30,7 +30,6 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                 }
             }
             if !settled {
-                if std::env::var_os("DBG").is_some() { for f in &kept { eprintln!("contradiction at {:?}: {:?} {:?} unit {} facets {:?} dir {}", self.x, f.arm.selection, f.arm.tangent, f.unit, f.facets, f.arm.direction); } }
                 arms.doubt(PointDoubt::Contradiction);
             }
         }
