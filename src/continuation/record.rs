@@ -125,7 +125,12 @@ pub struct Arm {
 
 impl Arm {
     /// The arm along a tangent that is known to first order.
-    pub(super) fn along(selection: Selection, tangent: Vec<f64>, grazing: Vec<usize>, det_sign: Option<i8>) -> Self {
+    pub(super) fn along(
+        selection: Selection,
+        tangent: Vec<f64>,
+        grazing: Vec<usize>,
+        det_sign: Option<i8>,
+    ) -> Self {
         let rate = tangent.last().copied().unwrap_or(0.0);
         let direction = match det_sign {
             Some(0) => 0,

@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 
 use super::engine::{Curve, Solver, State, generic_probe, term_size};
-use super::point::{Arms, Certainty, PointAnalysis, PointDoubt, certainty};
 use super::event::watch::Departure;
+use super::point::{Arms, Certainty, PointAnalysis, PointDoubt, certainty};
 use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
 use crate::clock::Clock;
 use crate::linear::{AutoSolver, LinearSolver};
@@ -344,7 +344,12 @@ impl<'a> Curve<'a> {
         let certainty = match &arms.undecided {
             Some(doubt) => Certainty::Undecided(doubt.clone()),
             None if !arms.complete => Certainty::Undecided(PointDoubt::Budget),
-            None => certainty(&&self.map, &self.here.x, &self.active_here(&vanishing)?, &arms.list),
+            None => certainty(
+                &&self.map,
+                &self.here.x,
+                &self.active_here(&vanishing)?,
+                &arms.list,
+            ),
         };
         Ok((arms, certainty))
     }
@@ -352,7 +357,12 @@ impl<'a> Curve<'a> {
     /// How certain it is that the arms given are all that leave the start.
     pub(super) fn certainty_of(&mut self, arms: &[Arm]) -> Result<Certainty, ContinuationError> {
         let vanishing = self.met_here()?;
-        Ok(certainty(&&self.map, &self.here.x, &self.active_here(&vanishing)?, arms))
+        Ok(certainty(
+            &&self.map,
+            &self.here.x,
+            &self.active_here(&vanishing)?,
+            arms,
+        ))
     }
 
     /// The vanishing test functions at a start. One that does not vanish to rounding counts only if a curve across its facet passes as

@@ -376,7 +376,9 @@ impl Panel {
                 VertexKind::PassThrough => Some(Marker::Transition),
                 VertexKind::Fold => Some(Marker::Fold),
                 VertexKind::Vertical => Some(Marker::Vertical),
-                VertexKind::Branching | VertexKind::BranchPoint | VertexKind::Continuum => Some(Marker::Branching),
+                VertexKind::Branching | VertexKind::BranchPoint | VertexKind::Continuum => {
+                    Some(Marker::Branching)
+                }
                 VertexKind::End => Some(Marker::End),
                 VertexKind::Isolated => Some(Marker::Isolated),
                 VertexKind::Start | VertexKind::Bound | VertexKind::Limit(_) => None,

@@ -1,7 +1,7 @@
 use std::borrow::Cow;
 use std::cell::RefCell;
 
-use super::{Expansions, Facet, PiecewiseError, PiecewiseSmooth, Selection};
+use super::{ExactPieces, Expansions, Facet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, norm};
 
 /// A map in scaled variables z, x = D z, where D holds typical sizes of the variables. Distances and angles in z do not depend on the
@@ -254,6 +254,14 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
     }
     fn is_piecewise_affine(&self) -> bool {
         self.map.is_piecewise_affine()
+    }
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        // Exact coefficients are those of the map's own variables.
+        if self.sizes.is_empty() {
+            self.map.exact()
+        } else {
+            None
+        }
     }
     fn expansions(&self) -> Option<Box<dyn Expansions + '_>> {
         let map = self.map.expansions()?;

@@ -67,7 +67,7 @@ fn many_degenerate_sites() {
         assert_eq!(found.orientation, Some((1, 1)));
         // The same by the continuation, which reports that the list may be incomplete.
         let list = arms_at(&map, &x, &ContinuationOptions::default().with_max_nodes(3)).unwrap();
-    let (arms, complete) = (list.arms, !list.certainty.is_undecided());
+        let (arms, complete) = (list.arms, !list.certainty.is_undecided());
         assert_eq!((arms.len(), complete), (10, false));
     }
     let map = unloaded(6, 2);

@@ -260,7 +260,7 @@ fn an_isolated_point_has_no_arms() {
     let ellipse = Plane::smooth(|y, a| [y * y + y * a + a * a, 2.0 * y + a, 2.0 * a + y]);
     for map in [circle, ellipse] {
         let list = arms_at(&map, &[0.0, 0.0], &ContinuationOptions::default()).unwrap();
-    let (arms, complete) = (list.arms, !list.certainty.is_undecided());
+        let (arms, complete) = (list.arms, !list.certainty.is_undecided());
         assert!(arms.is_empty() && complete, "{arms:?}");
     }
 }
@@ -318,7 +318,7 @@ fn starts_at_branch_points_of_any_size() {
             x.push(a);
             let options = within((-0.2, 0.5));
             let list = arms_at(&map, &x, &options).unwrap();
-    let (arms, complete) = (list.arms, !list.certainty.is_undecided());
+            let (arms, complete) = (list.arms, !list.certainty.is_undecided());
             assert_eq!((arms.len(), complete), (4, true), "{n} {unit:e} {bits}");
             for arm in &arms {
                 assert!((arm.tangent[0].abs() - arm.tangent[n].abs()).abs() < 1e-9);

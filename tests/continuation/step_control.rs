@@ -128,7 +128,7 @@ fn what_the_limit_on_selections_leaves_out_is_searched_for() {
     let options = ContinuationOptions::default();
     for (limit, complete) in [(1, false), (2, true), (4096, true)] {
         let list = arms_at(&map, &[0.0, 0.0], &options.clone().with_max_selections(limit)).unwrap();
-    let (arms, found) = (list.arms, !list.certainty.is_undecided());
+        let (arms, found) = (list.arms, !list.certainty.is_undecided());
         assert_eq!((arms.len(), found), (2, complete), "{limit}");
         for arm in &arms {
             assert!((arm.tangent[1] - arm.tangent[0].abs()).abs() < 1e-15);

@@ -374,7 +374,7 @@ fn units_far_apart_do_not_make_starts_singular() {
         let units = [0, 1, 2, 3].map(|j| [3e-5, 1.0, 3e4][(k / 3_u32.pow(j)) as usize % 3]);
         let map = |branching| Traced::new(Sheared { units, branching });
         let list = arms_at(&map(false), &[0.0; 4], &options).unwrap();
-    let (arms, complete) = (list.arms, !list.certainty.is_undecided());
+        let (arms, complete) = (list.arms, !list.certainty.is_undecided());
         assert_eq!((arms.len(), complete), (2, true), "{units:?}");
         for arm in arms {
             let natural: Vec<f64> = arm.tangent.iter().zip(units).map(|(t, u)| t / u).collect();
@@ -383,7 +383,7 @@ fn units_far_apart_do_not_make_starts_singular() {
             }
         }
         let list = arms_at(&map(true), &[0.0; 4], &options).unwrap();
-    let (arms, complete) = (list.arms, !list.certainty.is_undecided());
+        let (arms, complete) = (list.arms, !list.certainty.is_undecided());
         assert!(!complete || arms.len() == 4, "{units:?} {arms:?}");
         crossings += usize::from(complete);
     }

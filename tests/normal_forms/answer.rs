@@ -1,8 +1,8 @@
 //! What the crate says of a map, in the words of the catalogue. This file alone knows the types of its answers.
 
 use semismooth::continuation::{
-    self, Arm, Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, Termination,
-    VertexKind, arms_at,
+    self, Arm, Branch, ContinuationError, ContinuationOptions, Diagram, DiagramCompleteness, DiagramOptions,
+    Direction, Termination, VertexKind, arms_at,
 };
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 
@@ -15,8 +15,7 @@ pub enum Certainty {
     Complete {
         radius: f64,
     },
-    /// It found no other and claims nothing. (No answer of the crate says so yet.)
-    #[allow(dead_code)]
+    /// It found no other and claims nothing.
     Estimated,
     Undecided,
 }
@@ -73,12 +72,14 @@ fn found(arm: &Arm) -> FoundArm {
     }
 }
 
-fn certainty(complete: bool) -> Certainty {
-    match complete {
-        true => Certainty::Complete {
+fn certainty(said: &continuation::Certainty) -> Certainty {
+    match said {
+        continuation::Certainty::Proven => Certainty::Complete {
             radius: f64::INFINITY,
         },
-        false => Certainty::Undecided,
+        continuation::Certainty::Within { radius } => Certainty::Complete { radius: *radius },
+        continuation::Certainty::Estimated => Certainty::Estimated,
+        _ => Certainty::Undecided,
     }
 }
 
@@ -101,12 +102,7 @@ pub fn local(map: &dyn PiecewiseSmooth, x: &[f64], options: &ContinuationOptions
     Ok(Local {
         kind: kind_of(found.kind),
         arms: found.arms.iter().map(self::found).collect(),
-        certainty: match found.certainty {
-            continuation::Certainty::Proven => Certainty::Complete { radius: f64::INFINITY },
-            continuation::Certainty::Within { radius } => Certainty::Complete { radius },
-            continuation::Certainty::Estimated => Certainty::Estimated,
-            _ => Certainty::Undecided,
-        },
+        certainty: certainty(&found.certainty),
     })
 }
 
@@ -133,14 +129,20 @@ pub fn explore(
         let local = Local {
             kind,
             arms: v.arms.iter().map(|a| found(&a.arm)).collect(),
-            certainty: certainty(v.complete),
+            certainty: certainty(&v.certainty),
         };
         (v.x.clone(), local)
     });
     Ok(Explored {
         vertices: vertices.collect(),
         folds: diagram.folds().into_iter().map(|f| f.x).collect(),
-        certainty: certainty(diagram.completeness().is_complete()),
+        certainty: match diagram.completeness() {
+            DiagramCompleteness::WithinBounds => Certainty::Complete {
+                radius: f64::INFINITY,
+            },
+            DiagramCompleteness::Limited(_) => Certainty::Undecided,
+            _ => Certainty::Estimated,
+        },
         diagram,
     })
 }

@@ -65,7 +65,12 @@ impl Arc {
 /// The arm on which a curve that arrives at a point would leave it again.
 pub(super) fn reversed(point: &Point) -> Arm {
     let tangent = point.tangent.iter().map(|t| -t).collect();
-    Arm::along(point.selection.clone(), tangent, point.grazing.clone(), point.det_sign)
+    Arm::along(
+        point.selection.clone(),
+        tangent,
+        point.grazing.clone(),
+        point.det_sign,
+    )
 }
 
 /// The kind of a vertex with these arms.

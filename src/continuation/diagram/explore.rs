@@ -7,14 +7,16 @@ use super::arc::{Arc, kind_of_slots, reversed};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::split::Stretch;
 use super::{
-    Diagram, DiagramCompleteness, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind,
+    Diagram, DiagramCompleteness, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm,
+    VertexKind,
 };
 use crate::clock::Clock;
 use crate::continuation::engine::Curve;
 use crate::continuation::point::{Arms, kind_of};
 use crate::continuation::start::{prepared_on, slices, solver};
 use crate::continuation::{
-    Arm, Certainty, ContinuationError, Event, MonitorCrossing, Point, PointDoubt, PointKind, Strategy, Termination,
+    Arm, Certainty, ContinuationError, Event, MonitorCrossing, Point, PointDoubt, PointKind, Strategy,
+    Termination,
 };
 use crate::newton::{MoorePenrose, step_enclosure};
 use crate::piecewise::{PiecewiseSmooth, Scaled};
@@ -426,11 +428,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             self.diagram.completeness.add(incomplete);
         }
         for (k, other) in meeting.others.iter().enumerate() {
-            let arm = if k == first {
-                end.arm
-            } else {
-                self.slot(v, other)
-            };
+            let arm = if k == first { end.arm } else { self.slot(v, other) };
             if Some(k) != meeting.followed {
                 self.pending.push_back(EdgeEnd { vertex: v, arm });
             }
@@ -469,8 +467,14 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         let mut nearest: Option<(f64, usize)> = None;
         for (k, slot) in vertex.arms.iter().enumerate() {
             let probe = &slot.arm.probe;
-            let radius = if probe.is_empty() { 0.0 } else { distance(probe, &vertex.x) };
-            let point = (radius > 0.0).then(|| behind(self.map, arc, point, radius)).flatten();
+            let radius = if probe.is_empty() {
+                0.0
+            } else {
+                distance(probe, &vertex.x)
+            };
+            let point = (radius > 0.0)
+                .then(|| behind(self.map, arc, point, radius))
+                .flatten();
             let far = match point {
                 Some(point) => distance(probe, &point) / radius,
                 None => distance(&slot.arm.tangent, &incoming.tangent),
@@ -606,7 +610,10 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         if !meeting.complete {
             return Certainty::Undecided(PointDoubt::Budget);
         }
-        let arms: Vec<Arm> = std::iter::once(&meeting.incoming).chain(meeting.others).cloned().collect();
+        let arms: Vec<Arm> = std::iter::once(&meeting.incoming)
+            .chain(meeting.others)
+            .cloned()
+            .collect();
         let curve = prepared_on(self.map, meeting.x, self.options.continuation.clone());
         let found = curve.and_then(|mut curve| curve.erased_mut().certainty_of(&arms));
         found.unwrap_or(Certainty::Estimated)
@@ -660,7 +667,9 @@ fn behind(map: &dyn PiecewiseSmooth, arc: &Arc, end: &Point, radius: f64) -> Opt
         return Some(last.x.clone());
     }
     let mut corrector = MoorePenrose::new(map, solver()).ok()?;
-    let found = Stretch::new(last, end)?.at(map, &mut corrector, 1.0 - radius / length).ok()??;
+    let found = Stretch::new(last, end)?
+        .at(map, &mut corrector, 1.0 - radius / length)
+        .ok()??;
     Some(found.0)
 }
 

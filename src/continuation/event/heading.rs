@@ -1,8 +1,8 @@
 //! The sign of α̇, as far as rounding leaves it known.
 
-use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
+use crate::continuation::point::coincidence::SAFETY;
 use crate::piecewise::PiecewiseError;
 
 impl Curve<'_> {
@@ -48,7 +48,11 @@ impl Curve<'_> {
     fn rate_of_parameter(&mut self, state: &State) -> Result<Option<(f64, f64)>, ContinuationError> {
         let State { x, t, .. } = state;
         // The point was computed from the one before, and has its rounding errors where it is itself near zero.
-        let other = if self.here.x.len() == x.len() { &self.here.x } else { &self.next.x };
+        let other = if self.here.x.len() == x.len() {
+            &self.here.x
+        } else {
+            &self.next.x
+        };
         let sizes: Vec<f64> = x.iter().zip(other).map(|(x, o)| x.abs().max(o.abs())).collect();
         let moves = match self.corrector.noise(&self.map, &self.selection, (x, &sizes), t) {
             Ok(moves) => moves,

@@ -1,7 +1,7 @@
 //! How a curve leaves a point along an arm: the selection to freeze, its orientation and its residual there.
 
-use crate::continuation::point::units::Units;
 use crate::continuation::engine::{Curve, State, row_sizes, term_size};
+use crate::continuation::point::units::Units;
 use crate::continuation::{Arm, ContinuationError};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
 use crate::sparse::norm;

@@ -36,7 +36,14 @@ impl Curve<'_> {
                 let arrival = self.arm_behind(arrival);
                 let list = vec![arm];
                 let complete = true;
-                (Arms { list, complete, ..Arms::default() }, arrival)
+                (
+                    Arms {
+                        list,
+                        complete,
+                        ..Arms::default()
+                    },
+                    arrival,
+                )
             }
             None => {
                 // Without an orientation the selection is singular here.
@@ -55,7 +62,10 @@ impl Curve<'_> {
                     // What cannot be decided to higher order may still be followed to first order.
                     arms.list.extend(self.arm_beyond(&vanishing, &active)?);
                 }
-                (arms, incoming.unwrap_or_else(|| self.arm_behind(self.direction_here())))
+                (
+                    arms,
+                    incoming.unwrap_or_else(|| self.arm_behind(self.direction_here())),
+                )
             }
         };
         let followed = self.choose(&arms);
@@ -140,7 +150,11 @@ impl Curve<'_> {
     }
 
     /// Its arm, if that crosses the facet transversally.
-    fn arm_beyond(&mut self, vanishing: &[Vanishing], active: &ActiveSet) -> Result<Option<Arm>, ContinuationError> {
+    fn arm_beyond(
+        &mut self,
+        vanishing: &[Vanishing],
+        active: &ActiveSet,
+    ) -> Result<Option<Arm>, ContinuationError> {
         let (beyond, arrival) = (self.selection_beyond(active), self.here.t.clone());
         Ok(self.search(vanishing).regular_arm(&beyond, &arrival)?)
     }
@@ -157,8 +171,16 @@ impl Curve<'_> {
         let mut nearest: Option<(f64, usize)> = None;
         for &k in &candidates {
             let arm = &arms.list[k];
-            let radius = if arm.probe.is_empty() { 0.0 } else { distance(&arm.probe, &self.here.x) };
-            let point = if radius > 0.0 { self.point_behind(radius)? } else { None };
+            let radius = if arm.probe.is_empty() {
+                0.0
+            } else {
+                distance(&arm.probe, &self.here.x)
+            };
+            let point = if radius > 0.0 {
+                self.point_behind(radius)?
+            } else {
+                None
+            };
             let far = match point {
                 Some(point) => distance(&arm.probe, &point) / radius,
                 None => distance(&arm.tangent, &back),
@@ -179,11 +201,24 @@ impl Curve<'_> {
         if s <= 0.0 {
             return Ok(None);
         }
-        let mut y: Vec<f64> = self.here.x.iter().zip(&self.here.t).map(|(x, t)| x - radius * t).collect();
+        let mut y: Vec<f64> = self
+            .here
+            .x
+            .iter()
+            .zip(&self.here.t)
+            .map(|(x, t)| x - radius * t)
+            .collect();
         let guess = y.clone();
         let mut t = self.here.t.clone();
-        let corrected =
-            (self.corrector).correct_in_plane(&self.map, &self.selection, &anchor, &normal, s, &mut y, &mut t);
+        let corrected = (self.corrector).correct_in_plane(
+            &self.map,
+            &self.selection,
+            &anchor,
+            &normal,
+            s,
+            &mut y,
+            &mut t,
+        );
         match corrected {
             Ok(c) if c.converged && distance(&y, &guess) <= 0.5 * radius => Ok(Some(y)),
             Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(None),
@@ -324,7 +359,7 @@ impl Curve<'_> {
     }
 
     /// A vanishing test function of a facet of the followed cell across which the tangent leads out.
-    fn facet_left_here(&self) -> Option<usize> {
+    pub(in crate::continuation) fn facet_left_here(&self) -> Option<usize> {
         let mut units = Units::new(&self.map, &self.selection, &self.here.x);
         let mut leaves = |v: &&Vanishing| {
             let rate = v.rate(&self.here.t);

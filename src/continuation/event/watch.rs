@@ -2,12 +2,12 @@
 
 use std::borrow::Cow;
 
-use crate::continuation::point::search::UNEXPLAINED;
 use super::singular::ZERO_DETERMINANT;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
+use crate::continuation::point::search::UNEXPLAINED;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
-use crate::sparse::norm;
+use crate::sparse::{distance, norm};
 
 /// A scalar function along the curve whose changes of sign are events.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,6 +74,12 @@ impl Curve<'_> {
                 }
                 continue;
             };
+            // Where α turns within rounding of a facet, the fold is what happens at the facet.
+            let facet = matches!(
+                (monitor, found.last()),
+                (Monitor::Fold, Some(Monitor::Facet { .. }))
+            );
+            let facet = facet.then(|| self.next.clone());
             match monitor {
                 Monitor::Singular => {
                     if let Err(unresolved) = self.resolve_flip()? {
@@ -87,6 +93,13 @@ impl Curve<'_> {
                         return Ok(Err(Unresolved::Event));
                     }
                 }
+            }
+            if let Some(facet) = facet
+                && distance(&facet.x, &self.next.x) <= self.width(&facet.x, facet.s)
+            {
+                self.next = facet;
+                self.next.heading = self.here.heading;
+                continue;
             }
             self.find_headings()?;
             compared = false;

@@ -33,7 +33,11 @@ pub(super) fn in_cell(
     extension.rank = other;
     Ok(match (found, inside(&extension, layout)) {
         (InCell::Arms(a), InCell::Arms(b)) => InCell::Arms(if b.len() > a.len() { b } else { a }),
-        (InCell::Arms(a), InCell::Undecided(_)) | (InCell::Undecided(_), InCell::Arms(a)) if !a.is_empty() => InCell::Arms(a),
+        (InCell::Arms(a), InCell::Undecided(_)) | (InCell::Undecided(_), InCell::Arms(a))
+            if !a.is_empty() =>
+        {
+            InCell::Arms(a)
+        }
         _ => InCell::Undecided(PointDoubt::Rank),
     })
 }

@@ -72,7 +72,12 @@ fn remainder(v: &[f64], basis: &[Vec<f64>]) -> Option<Vec<f64>> {
 }
 
 /// Rays orthogonal to `lines` on which all but one of the remaining dimensions are fixed by facets.
-fn extreme_rays(dimension: usize, lines: usize, normals: &[Vec<f64>], known: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+fn extreme_rays(
+    dimension: usize,
+    lines: usize,
+    normals: &[Vec<f64>],
+    known: &[Vec<f64>],
+) -> Option<Vec<Vec<f64>>> {
     let pick = dimension - lines - 1;
     let mut rays: Vec<Vec<f64>> = Vec::new();
     let mut chosen: Vec<usize> = (0..pick).collect();
@@ -124,7 +129,10 @@ mod tests {
     fn cones_in_the_plane() {
         assert!(matches!(cone(2, &[]), Cone::Solid(2)));
         assert!(matches!(cone(2, &normals(&[[1.0, 0.0]])), Cone::Solid(2)));
-        assert!(matches!(cone(2, &normals(&[[1.0, 0.0], [-1.0, 1e-3]])), Cone::Solid(2)));
+        assert!(matches!(
+            cone(2, &normals(&[[1.0, 0.0], [-1.0, 1e-3]])),
+            Cone::Solid(2)
+        ));
         let line = cone(2, &normals(&[[1.0, 2.0], [-1.0, -2.0]]));
         assert_eq!(rays(line), 2);
         let ray = cone(2, &normals(&[[1.0, 2.0], [-1.0, -2.0], [1.0, 0.0]]));

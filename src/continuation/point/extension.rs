@@ -83,17 +83,25 @@ impl<'a> Extension<'a> {
         let units = units(&jac, &changes(map, selection, x, &jac), x);
         let apart = |sign: f64| -> Vec<f64> {
             let all = x.iter().zip(&units).enumerate();
-            all.map(|(j, (x, unit))| x + sign * APART * unit * (1.0 + centred(j + 1, false))).collect()
+            all.map(|(j, (x, unit))| x + sign * APART * unit * (1.0 + centred(j + 1, false)))
+                .collect()
         };
         let (mut ahead, mut behind) = (jac.clone(), jac.clone());
         at(&apart(1.0), &mut ahead)?;
         at(&apart(-1.0), &mut behind)?;
         let mut rows = vec![0.0_f64; jac.nrows()];
-        let changes = ahead.values().iter().zip(behind.values()).map(|(a, b)| (a - b).abs());
+        let changes = ahead
+            .values()
+            .iter()
+            .zip(behind.values())
+            .map(|(a, b)| (a - b).abs());
         for ((i, j, v), change) in jac.triplets().zip(changes) {
-            rows[i] = rows[i].max(v.abs() * units[j]).max(0.5 / APART * change * units[j]);
+            rows[i] = rows[i]
+                .max(v.abs() * units[j])
+                .max(0.5 / APART * change * units[j]);
         }
-        rows.iter_mut().for_each(|r| *r = if *r > 0.0 && r.is_finite() { r.recip() } else { 1.0 });
+        rows.iter_mut()
+            .for_each(|r| *r = if *r > 0.0 && r.is_finite() { r.recip() } else { 1.0 });
         let mut this = Self {
             frame,
             selection,
@@ -124,7 +132,10 @@ impl<'a> Extension<'a> {
         let mut jac = jac.clone();
         jac.scale_columns(&self.units);
         let factors: Vec<f64> = jac.triplets().map(|(i, ..)| self.rows[i]).collect();
-        jac.values_mut().iter_mut().zip(factors).for_each(|(v, f)| *v *= f);
+        jac.values_mut()
+            .iter_mut()
+            .zip(factors)
+            .for_each(|(v, f)| *v *= f);
         jac
     }
 
@@ -219,15 +230,23 @@ impl<'a> Extension<'a> {
         }
         let vanishing = self.frame.vanishing;
         Coefficients {
-            residual: (0..=order).map(|k| (0..n).map(|i| residual[TERMS * i + k] * self.rows[i]).collect()).collect(),
-            tests: (0..=order).map(|k| vanishing.iter().map(|t| values[TERMS * t + k]).collect()).collect(),
-            errors: (0..=order).map(|k| vanishing.iter().map(|t| errors[TERMS * t + k]).collect()).collect(),
+            residual: (0..=order)
+                .map(|k| (0..n).map(|i| residual[TERMS * i + k] * self.rows[i]).collect())
+                .collect(),
+            tests: (0..=order)
+                .map(|k| vanishing.iter().map(|t| values[TERMS * t + k]).collect())
+                .collect(),
+            errors: (0..=order)
+                .map(|k| vanishing.iter().map(|t| errors[TERMS * t + k]).collect())
+                .collect(),
         }
     }
 
     /// α along an arc, relative to its value at the point, and the vanishing test functions, with their errors; the arc computed from each base.
     pub(super) fn values(&self, arcs: &[Arc]) -> Followed {
-        let each: Vec<Along> = (arcs.iter().enumerate()).map(|(b, a)| self.values_at(b, a)).collect();
+        let each: Vec<Along> = (arcs.iter().enumerate())
+            .map(|(b, a)| self.values_at(b, a))
+            .collect();
         let sizes = self.gradient_sizes();
         let value = |own: (f64, f64), size: f64, others: &mut dyn Iterator<Item = f64>| {
             let apart = others.map(|o| (o - own.0).abs()).fold(0.0, f64::max);
@@ -245,11 +264,17 @@ impl<'a> Extension<'a> {
         };
         let test = |v: usize, k: usize| {
             let own = (each[0].tests[v][k].0, each[0].tests[v][k].1);
-            value(own, sizes[v] * size(k), &mut each[1..].iter().map(|e| e.tests[v][k].0))
+            value(
+                own,
+                sizes[v] * size(k),
+                &mut each[1..].iter().map(|e| e.tests[v][k].0),
+            )
         };
         Followed {
             alpha: (0..orders).map(alpha).collect(),
-            tests: (0..sizes.len()).map(|v| (0..orders).map(|k| test(v, k)).collect()).collect(),
+            tests: (0..sizes.len())
+                .map(|v| (0..orders).map(|k| test(v, k)).collect())
+                .collect(),
         }
     }
 
@@ -257,9 +282,14 @@ impl<'a> Extension<'a> {
     fn gradient_sizes(&self) -> Vec<f64> {
         let mut sizes = vec![0.0_f64; self.frame.vanishing.len()];
         for second in [false, true] {
-            let direction: Vec<f64> = (0..self.units.len()).map(|j| 2.0 * centred(j + 1, second)).collect();
+            let direction: Vec<f64> = (0..self.units.len())
+                .map(|j| 2.0 * centred(j + 1, second))
+                .collect();
             let found = self.along(0, &[&direction], 1);
-            sizes.iter_mut().zip(&found.tests[1]).for_each(|(s, t)| *s = s.max(t.abs()));
+            sizes
+                .iter_mut()
+                .zip(&found.tests[1])
+                .for_each(|(s, t)| *s = s.max(t.abs()));
         }
         sizes
     }
@@ -271,7 +301,11 @@ impl<'a> Extension<'a> {
         if let Some(half) = &arc.half {
             let rates = |d: &[f64]| self.along(base, &[d], 1);
             let (first, second) = (rates(&arc.terms[0]), rates(half));
-            let of = |v: usize| [&first, &second].map(|c| (c.tests[1][v], c.errors[1][v])).to_vec();
+            let of = |v: usize| {
+                [&first, &second]
+                    .map(|c| (c.tests[1][v], c.errors[1][v]))
+                    .to_vec()
+            };
             return Along {
                 alpha: vec![alpha(&arc.terms[0]), alpha(half)],
                 tests: vanishing.map(of).collect(),
@@ -280,7 +314,11 @@ impl<'a> Extension<'a> {
         let order = arc.terms.len();
         let terms: Vec<&[f64]> = arc.terms.iter().map(Vec::as_slice).collect();
         let found = self.along(base, &terms, order);
-        let of = |v: usize| (1..=order).map(|k| (found.tests[k][v], found.errors[k][v])).collect();
+        let of = |v: usize| {
+            (1..=order)
+                .map(|k| (found.tests[k][v], found.errors[k][v]))
+                .collect()
+        };
         Along {
             alpha: arc.terms.iter().map(|t| alpha(t)).collect(),
             tests: vanishing.map(of).collect(),
@@ -311,7 +349,11 @@ pub(super) struct Followed {
 
 /// The larger of each entry of the Jacobian and of its change over distances of 1.
 fn changes(map: &dyn PiecewiseSmooth, selection: &Selection, x: &[f64], jac: &Matrix) -> Matrix {
-    let moved: Vec<f64> = x.iter().enumerate().map(|(j, x)| x + centred(j + 1, false)).collect();
+    let moved: Vec<f64> = x
+        .iter()
+        .enumerate()
+        .map(|(j, x)| x + centred(j + 1, false))
+        .collect();
     let mut other = Matrix::zeros(jac.pattern().clone());
     map.jacobian(selection, &moved, &mut other);
     for (o, v) in other.values_mut().iter_mut().zip(jac.values()) {
@@ -338,9 +380,17 @@ fn units(jac: &Matrix, changes: &Matrix, x: &[f64]) -> Vec<f64> {
     let mean = balanced.iter().map(|b| b.log2()).sum::<f64>() / x.len() as f64;
     let unit = |j: usize| {
         let balanced = (balanced[j].log2() - mean).exp2();
-        let own = if least[j].is_finite() { x[j].abs().max(least[j]) } else { x[j].abs() };
+        let own = if least[j].is_finite() {
+            x[j].abs().max(least[j])
+        } else {
+            x[j].abs()
+        };
         let size = if own > NOTHING * balanced { own } else { balanced };
-        if size > 0.0 && size.is_finite() { size.log2().round().exp2() } else { 1.0 }
+        if size > 0.0 && size.is_finite() {
+            size.log2().round().exp2()
+        } else {
+            1.0
+        }
     };
     (0..x.len()).map(unit).collect()
 }
@@ -356,4 +406,3 @@ fn bases(x: &[f64], units: &[f64], off: f64) -> Vec<Vec<f64>> {
     }
     bases
 }
-

@@ -1,8 +1,8 @@
 //! Singular points of a selection: whether ∇H^(σ) is singular there, and which curves pass through them.
 
 use super::search::{ArmSearch, RANK};
-use crate::continuation::event::branch_point::BranchSystem;
 use super::units::Units;
+use crate::continuation::event::branch_point::BranchSystem;
 use crate::linear::{LinearSolver, null_space};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection};
 use crate::sparse::{Matrix, dot, max_abs, norm};

@@ -143,7 +143,9 @@ impl PointDoubt {
         let part = |j: usize| basis.iter().fold(0.0, |sum, v| sum + (v[j] * units[j]).powi(2));
         let parts: Vec<f64> = (0..units.len()).map(part).collect();
         let largest = parts.iter().fold(0.0_f64, |m, p| m.max(*p));
-        let mut variables: Vec<usize> = (0..parts.len()).filter(|&j| parts[j] > NAMED * NAMED * largest).collect();
+        let mut variables: Vec<usize> = (0..parts.len())
+            .filter(|&j| parts[j] > NAMED * NAMED * largest)
+            .collect();
         variables.sort_by(|&a, &b| parts[b].total_cmp(&parts[a]));
         Self::Kernel {
             dimension: basis.len(),

@@ -72,13 +72,19 @@ fn of_selection(
     let mut length = 0.5 * regular_radius(map, selection, x, &tangent)?;
     for _ in 0..TRIES {
         let mut ends = [1.0, -1.0].map(|sign| {
-            let mut y: Vec<f64> = x.iter().zip(&tangent).map(|(x, t)| x + sign * length * t).collect();
+            let mut y: Vec<f64> = x
+                .iter()
+                .zip(&tangent)
+                .map(|(x, t)| x + sign * length * t)
+                .collect();
             let mut t = tangent.clone();
-            let corrected = corrector.correct_in_plane(map, selection, x, &tangent, sign * length, &mut y, &mut t);
+            let corrected =
+                corrector.correct_in_plane(map, selection, x, &tangent, sign * length, &mut y, &mut t);
             corrected.is_ok_and(|c| c.converged).then_some(y)
         });
         if let [Some(ahead), Some(behind)] = &mut ends
-            && step_enclosure(map, selection, behind, ahead).is_some_and(|e| e.regular && e.facets_told_by_ends)
+            && step_enclosure(map, selection, behind, ahead)
+                .is_some_and(|e| e.regular && e.facets_told_by_ends)
         {
             let inside = [&*ahead, &*behind].map(|y| is_inside(map, selection, active, y));
             return Some((length / norm(&tangent), inside.iter().filter(|i| **i).count()));
@@ -95,7 +101,10 @@ fn is_inside(map: &dyn PiecewiseSmooth, selection: &Selection, active: &ActiveSe
     map.tests_of_selection(selection, y, None, &mut theta);
     active.vanishing().iter().all(|&k| {
         let (site, test) = layout.locate(k);
-        let mut facets = map.cell(site, selection.piece(site)).iter().filter(|f| f.test() == test);
+        let mut facets = map
+            .cell(site, selection.piece(site))
+            .iter()
+            .filter(|f| f.test() == test);
         facets.all(|f| f.sign() * theta[k] > 0.0)
     })
 }

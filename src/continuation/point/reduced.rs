@@ -78,7 +78,9 @@ impl Extension<'_> {
     /// A number computed from every base, with its error.
     fn measured(&self, number: impl Fn(usize) -> f64) -> Value {
         let own = number(0);
-        let apart = (1..self.num_bases()).map(|b| (number(b) - own).abs()).fold(0.0, f64::max);
+        let apart = (1..self.num_bases())
+            .map(|b| (number(b) - own).abs())
+            .fold(0.0, f64::max);
         Value {
             value: own,
             error: 8.0 * apart + self.resolution(),
@@ -140,7 +142,10 @@ impl Extension<'_> {
             let at = |beta: f64| {
                 let mut moved = terms.clone();
                 let last = moved.len() - 1;
-                moved[last].iter_mut().zip(&across).for_each(|(w, a)| *w += beta * a);
+                moved[last]
+                    .iter_mut()
+                    .zip(&across)
+                    .for_each(|(w, a)| *w += beta * a);
                 let number = moved.len() + shift - 1;
                 self.obstruction(base, &self.completed(base, moved, number))[0]
             };
@@ -151,7 +156,10 @@ impl Extension<'_> {
                 return None;
             }
             let last = terms.len() - 1;
-            terms[last].iter_mut().zip(&across).for_each(|(w, a)| *w += beta * a);
+            terms[last]
+                .iter_mut()
+                .zip(&across)
+                .for_each(|(w, a)| *w += beta * a);
         }
         Some(Arc::new(terms))
     }
@@ -165,7 +173,8 @@ impl Extension<'_> {
         let across = [-along[1], along[0]];
         let q = a + c;
         let tangent = self.direction(&along);
-        let cubic = self.measured(|base| self.obstruction(base, &self.completed(base, vec![tangent.clone()], 2))[0]);
+        let cubic =
+            self.measured(|base| self.obstruction(base, &self.completed(base, vec![tangent.clone()], 2))[0]);
         match cubic.sign() {
             0 => self.beside_double_root(&tangent, &self.direction(&across), q),
             _ => {
@@ -226,7 +235,8 @@ impl Extension<'_> {
     fn by_cubic(&self) -> Reduced {
         const AT: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
         let cubic = |base: usize| -> [f64; 4] {
-            let value = |c: &[f64; 2]| self.obstruction(base, &self.completed(base, vec![self.direction(c)], 2))[0];
+            let value =
+                |c: &[f64; 2]| self.obstruction(base, &self.completed(base, vec![self.direction(c)], 2))[0];
             let [a, d, plus, minus] = AT.each_ref().map(value);
             // a + b + c + d and a − b + c − d at the last two.
             let (even, odd) = (0.5 * (plus + minus), 0.5 * (plus - minus));
@@ -241,7 +251,9 @@ impl Extension<'_> {
         }
         let [a, b, c, d] = all[0].map(|v| v / size);
         let discriminant = Value {
-            value: 18.0 * a * b * c * d - 4.0 * b * b * b * d + b * b * c * c - 4.0 * a * c * c * c - 27.0 * a * a * d * d,
+            value: 18.0 * a * b * c * d - 4.0 * b * b * b * d + b * b * c * c
+                - 4.0 * a * c * c * c
+                - 27.0 * a * a * d * d,
             error: 64.0 * error / size,
         };
         if discriminant.sign() == 0 {
@@ -276,7 +288,9 @@ impl Extension<'_> {
             both
         };
         let all: Vec<[[f64; 6]; 2]> = (0..self.num_bases()).map(forms).collect();
-        let error = (0..12).map(|k| self.measured(|b| all[b][k / 6][k % 6]).error).fold(0.0, f64::max);
+        let error = (0..12)
+            .map(|k| self.measured(|b| all[b][k / 6][k % 6]).error)
+            .fold(0.0, f64::max);
         let Some(roots) = common_roots(&all[0], error) else {
             return Reduced::Degenerate;
         };
@@ -312,7 +326,9 @@ fn both_ways(arcs: Vec<Arc>) -> Vec<Vec<Arc>> {
 
 fn nearest(roots: &[[f64; 2]], root: &[f64; 2]) -> Option<[f64; 2]> {
     let along = |r: &[f64; 2]| r[0] * root[0] + r[1] * root[1];
-    let best = roots.iter().max_by(|p, q| along(p).abs().total_cmp(&along(q).abs()))?;
+    let best = roots
+        .iter()
+        .max_by(|p, q| along(p).abs().total_cmp(&along(q).abs()))?;
     Some(best.map(|v| v * along(best).signum()))
 }
 
@@ -375,7 +391,11 @@ fn gradient(q: &[f64; 6], c: &[f64; 3]) -> [f64; 3] {
 }
 
 fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 fn solve3(rows: [[f64; 3]; 3], b: [f64; 3]) -> Option<[f64; 3]> {
@@ -419,7 +439,14 @@ fn common_roots(forms: &[[f64; 6]; 2], error: f64) -> Option<Vec<[f64; 3]>> {
             let c: [f64; 3] = [0, 1, 2].map(|k| ROTATION[i][k]);
             dot(&gradient(q, &c), &ROTATION[j]) * 0.5 / size
         };
-        [image(0, 0), image(1, 1), image(2, 2), image(0, 1), image(0, 2), image(1, 2)]
+        [
+            image(0, 0),
+            image(1, 1),
+            image(2, 2),
+            image(0, 1),
+            image(0, 2),
+            image(1, 2),
+        ]
     });
     // a t² + b(s) t + c(s) in t = c₁, s = c₂.
     let parts = turned.map(|q| (q[0], [2.0 * q[4], 2.0 * q[3]], [q[2], 2.0 * q[5], q[1]]));
@@ -446,7 +473,10 @@ fn common_roots(forms: &[[f64; 6]; 2], error: f64) -> Option<Vec<[f64; 3]>> {
         if im.abs() > 1e-4 * (1.0 + re.abs()) {
             continue;
         }
-        let (d2, d1) = (first[0] + re * (first[1] + re * first[2]), second[0] + re * second[1]);
+        let (d2, d1) = (
+            first[0] + re * (first[1] + re * first[2]),
+            second[0] + re * second[1],
+        );
         let t = -d2 / d1;
         let local = [t, re, 1.0];
         let mut c = [0.0; 3];
@@ -456,8 +486,13 @@ fn common_roots(forms: &[[f64; 6]; 2], error: f64) -> Option<Vec<[f64; 3]>> {
         let length = norm(&c);
         let c = polished(forms, c.map(|v| v / length));
         let sizes = [scale(&forms[0]), scale(&forms[1])];
-        let off = (quadric(&forms[0], &c) / sizes[0]).abs().max((quadric(&forms[1], &c) / sizes[1]).abs());
-        let (g, h) = (gradient(&forms[0], &c).map(|v| v / sizes[0]), gradient(&forms[1], &c).map(|v| v / sizes[1]));
+        let off = (quadric(&forms[0], &c) / sizes[0])
+            .abs()
+            .max((quadric(&forms[1], &c) / sizes[1]).abs());
+        let (g, h) = (
+            gradient(&forms[0], &c).map(|v| v / sizes[0]),
+            gradient(&forms[1], &c).map(|v| v / sizes[1]),
+        );
         let simple = norm(&cross(&g, &h));
         if simple <= 1e-4 {
             return None;

@@ -213,7 +213,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         if let Wanted::After(_) = wanted {
             let pieces = active.degenerate_sites().iter().map(|s| s.1.len() as u64);
             let limit = self.options.max_nodes.min(DETOURS * pieces.sum::<u64>());
-            let mut arms = Arms { complete, ..Arms::default() };
+            let mut arms = Arms {
+                complete,
+                ..Arms::default()
+            };
             if self.is_small(active) && self.pruned(active, limit, &mut arms)? == Pruned::All {
                 self.settle(&mut arms)?;
                 return Ok(arms);
@@ -222,7 +225,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             self.seen.clear();
             self.solids.clear();
         }
-        let mut arms = Arms { complete, ..Arms::default() };
+        let mut arms = Arms {
+            complete,
+            ..Arms::default()
+        };
         arms.doubt(PointDoubt::NotSearched);
         let meeting = (active, self.vanishing);
         if let Some(found) = one_arm(&self.map, self.x, meeting, wanted, start, self.deadline)? {
@@ -350,7 +356,12 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         let vanishing: Vec<usize> = self.vanishing.iter().map(|v| v.index).collect();
         // As far as the facets that meet here are from x, x is from the point where they meet.
         let off = |v: &Vanishing| self.theta[v.index].abs() / v.gradient_norm;
-        let off = self.vanishing.iter().map(off).filter(|off| off.is_finite()).fold(0.0, f64::max);
+        let off = self
+            .vanishing
+            .iter()
+            .map(off)
+            .filter(|off| off.is_finite())
+            .fold(0.0, f64::max);
         let frame = Frame {
             map: &self.map,
             x: self.x,
@@ -392,7 +403,12 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             if size <= RANK * own.gradient_norm {
                 continue;
             }
-            for facet in self.map.cell(v.site, selection.piece(v.site)).iter().filter(|f| f.test() == v.test) {
+            for facet in self
+                .map
+                .cell(v.site, selection.piece(v.site))
+                .iter()
+                .filter(|f| f.test() == v.test)
+            {
                 normals.push(rates.iter().map(|r| facet.sign() * r / size).collect());
             }
         }

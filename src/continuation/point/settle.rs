@@ -50,7 +50,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                     rest.iter_mut().zip(v).for_each(|(r, v)| *r -= share * v);
                 }
                 let apart = solid.selection.differing_sites(&f.arm.selection);
-                norm(&rest) <= super::search::RANK.sqrt() && apart.into_iter().all(|site| f.arm.grazing.contains(&site))
+                norm(&rest) <= super::search::RANK.sqrt()
+                    && apart.into_iter().all(|site| f.arm.grazing.contains(&site))
             };
             !self.solids.iter().any(inside)
         });
@@ -78,7 +79,12 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     fn probe(&mut self, found: &Found, radius: f64) -> Result<Option<Vec<f64>>, PiecewiseError> {
         let ahead = match &found.arc {
             Some(arc) => arc.at(radius),
-            None => found.arm.tangent.iter().map(|t| radius * found.unit * t).collect(),
+            None => found
+                .arm
+                .tangent
+                .iter()
+                .map(|t| radius * found.unit * t)
+                .collect(),
         };
         let mut y: Vec<f64> = self.x.iter().zip(&ahead).map(|(x, a)| x + a).collect();
         let guess = y.clone();
@@ -86,7 +92,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         if !self.map.is_piecewise_affine() {
             let normal = found.arm.tangent.clone();
             let s = dot(&normal, &ahead);
-            let corrected = self.corrector.correct_in_plane(self.map, selection, self.x, &normal, s, &mut y, &mut t);
+            let corrected = self
+                .corrector
+                .correct_in_plane(self.map, selection, self.x, &normal, s, &mut y, &mut t);
             match corrected {
                 Ok(c) if c.converged && distance(&y, &guess) <= 0.25 * norm(&ahead) => {}
                 Ok(_) | Err(PiecewiseError::Linear(_)) => return Ok(None),
@@ -105,7 +113,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             facets.any(|f| f.test() == v.test && f.sign() * theta[v.index] < 0.0)
         };
         // Along facets in which the arm runs the signs are rounding.
-        let crossed = self.vanishing.iter().any(|v| !found.facets.contains(&v.index) && leaves(v));
+        let crossed = self
+            .vanishing
+            .iter()
+            .any(|v| !found.facets.contains(&v.index) && leaves(v));
         Ok((!crossed).then_some(y))
     }
 
@@ -116,8 +127,14 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             return Ok(());
         }
         let at = if arm.probe.is_empty() { self.x } else { &arm.probe };
-        arm.det_sign = match self.corrector.linearize(self.map, &arm.selection, at, Some(&arm.tangent)) {
-            Ok(_) => self.corrector.orientation(&arm.tangent).map(|o| o * arm.direction),
+        arm.det_sign = match self
+            .corrector
+            .linearize(self.map, &arm.selection, at, Some(&arm.tangent))
+        {
+            Ok(_) => self
+                .corrector
+                .orientation(&arm.tangent)
+                .map(|o| o * arm.direction),
             Err(PiecewiseError::Linear(_)) => None,
             Err(e) => return Err(e),
         };
@@ -155,7 +172,11 @@ fn merged(found: Vec<Found>, probes: &[Vec<f64>]) -> Vec<Found> {
                 .map(|k| distance(&probes[k], &probes[i]).min(distance(&probes[k], &probes[j])))
                 .filter(|d| *d > 0.0)
                 .fold(f64::INFINITY, f64::min);
-            if a.selection != b.selection && shared && apart <= 0.5 * clear && dot(&a.tangent, &b.tangent) > NEAR {
+            if a.selection != b.selection
+                && shared
+                && apart <= 0.5 * clear
+                && dot(&a.tangent, &b.tangent) > NEAR
+            {
                 let worse = if a.grazing.len() < b.grazing.len() { j } else { i };
                 gone[worse] = true;
             }

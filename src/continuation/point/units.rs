@@ -34,7 +34,13 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
     }
 
     /// The largest rate along a unit vector that counts as zero; `size` is the norm of the gradient of the test function.
-    pub(in crate::continuation) fn least_rate(&mut self, v: &Vanishing, rate: f64, size: f64, t: &[f64]) -> f64 {
+    pub(in crate::continuation) fn least_rate(
+        &mut self,
+        v: &Vanishing,
+        rate: f64,
+        size: f64,
+        t: &[f64],
+    ) -> f64 {
         let bound = TANGENTIAL * size;
         if rate == 0.0 || rate.abs() > bound || rate.is_nan() {
             return bound;

@@ -1,9 +1,9 @@
 //! The end of a step: at a regular point, at an event, or where the curve closes.
 
 use crate::continuation::engine::{Curve, State};
-use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::event::locate::STRAY;
 use crate::continuation::event::watch::{Monitor, VERTICAL};
+use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::{ContinuationError, Event, PointKind, SmoothFold, Termination};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{distance, norm};
@@ -71,6 +71,11 @@ impl Curve<'_> {
             Some(Monitor::Fold) if self.moves_to_singular_point(&self.selection.clone(), None)? => {
                 self.here.heading = None;
                 self.pass_branch_point(None)?;
+            }
+            Some(Monitor::Fold) if self.facet_left_here().is_some() => {
+                let index = self.facet_left_here().unwrap_or_default();
+                self.here.heading = None;
+                self.pass_transition(index)?;
             }
             Some(Monitor::Fold) => {
                 // Rounding must not put the fold ahead of the point.
@@ -193,17 +198,19 @@ impl Curve<'_> {
             }
         }
         // The other point has to lie on the curve of the selection itself, too.
-        Ok([(&state.x[..], &there[..]), (&there, other)].into_iter().all(|(a, b)| {
-            let gap: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-            let size = norm(&gap);
-            if size <= 2.0 * steps {
-                return true;
-            }
-            let direction: Vec<f64> = gap.iter().map(|g| g / size).collect();
-            let bits: f64 = direction.iter().zip(other).map(|(d, x)| (d * x).abs()).sum();
-            let rounding = self.corrector.rounding_of(&direction, other, &normal);
-            rounding.is_some_and(|r| size <= SAFETY * (r + f64::EPSILON * bits))
-        }))
+        Ok([(&state.x[..], &there[..]), (&there, other)]
+            .into_iter()
+            .all(|(a, b)| {
+                let gap: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+                let size = norm(&gap);
+                if size <= 2.0 * steps {
+                    return true;
+                }
+                let direction: Vec<f64> = gap.iter().map(|g| g / size).collect();
+                let bits: f64 = direction.iter().zip(other).map(|(d, x)| (d * x).abs()).sum();
+                let rounding = self.corrector.rounding_of(&direction, other, &normal);
+                rounding.is_some_and(|r| size <= SAFETY * (r + f64::EPSILON * bits))
+            }))
     }
 }
 
