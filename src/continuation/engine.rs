@@ -11,7 +11,7 @@ use crate::sparse::{Matrix, norm};
 use crate::spread::golden;
 
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
-const SINGULAR: f64 = 1e-7;
+pub(super) const SINGULAR: f64 = 1e-7;
 
 /// A point of the curve, with its tangent, selection, signs and test functions.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -276,7 +276,7 @@ impl NonsmoothFunction for Embedded {
         }
         reflect(&self.row_mirror, out);
         for i in 1..self.n {
-            out[i] = out[i] + out[i - 1] * self.row_shear;
+            out[i] += out[i - 1] * self.row_shear;
         }
         for (o, s) in out.iter_mut().zip(&self.rows) {
             *o *= *s;

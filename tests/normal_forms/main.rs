@@ -5,6 +5,8 @@
 //! all findings on one member.
 #![cfg(feature = "autodiff")]
 
+#![allow(clippy::type_complexity)]
+
 mod answer;
 mod cases;
 mod check;

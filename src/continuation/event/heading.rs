@@ -1,7 +1,7 @@
 //! The sign of α̇, as far as rounding leaves it known.
 
 use crate::continuation::ContinuationError;
-use crate::continuation::engine::{Curve, State};
+use crate::continuation::engine::{Curve, SINGULAR, State};
 use crate::continuation::point::coincidence::SAFETY;
 use crate::piecewise::PiecewiseError;
 
@@ -31,7 +31,9 @@ impl Curve<'_> {
     /// The sign of α̇ at a state where it exceeds its rounding error, else that `before` it.
     fn heading_at(&mut self, state: &State, before: i8) -> Result<i8, ContinuationError> {
         let rate = state.t.last().copied().unwrap_or(0.0);
-        if rate == 0.0 || rate.is_nan() || rate.signum() == f64::from(before) {
+        // Points of a vertical segment are corrected to a tolerance: α does not move as long as it moves no more than these allow.
+        let vertical = before == 0 && self.here.heading == Some(0) && rate.abs() <= SINGULAR;
+        if rate == 0.0 || rate.is_nan() || rate.signum() == f64::from(before) || vertical {
             return Ok(before);
         }
         let known = match state.orientation {

@@ -24,12 +24,11 @@ pub(in crate::continuation) fn certainty(
     active: &ActiveSet,
     arms: &[Arm],
 ) -> Certainty {
-    let proven = if map.is_piecewise_affine() {
-        (x.len() <= EXACT && is_proven(map, x, arms)).then_some(Certainty::Proven)
-    } else {
-        radius(map, x, active, arms).map(|radius| Certainty::Within { radius })
-    };
-    proven.unwrap_or(Certainty::Estimated)
+    if x.len() <= EXACT && is_proven(map, x, arms) {
+        return Certainty::Proven;
+    }
+    let radius = radius(map, x, active, arms);
+    radius.map_or(Certainty::Estimated, |radius| Certainty::Within { radius })
 }
 
 /// Whether the exact coefficients of a map have these arms and no others.

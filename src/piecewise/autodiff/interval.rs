@@ -337,7 +337,7 @@ operators! {
 impl PartialEq for Interval {
     fn eq(&self, other: &Self) -> bool {
         let apart = self.high < other.low || other.high < self.low;
-        if !apart && !(self.is_point() && other.is_point()) {
+        if !(apart || self.is_point() && other.is_point()) {
             branch();
         }
         self.is_point() && other.is_point() && !apart

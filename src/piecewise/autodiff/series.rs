@@ -174,6 +174,8 @@ impl<S: Coefficient, const K: usize> Div for Series<S, K> {
         let (a, b) = (&self.0, &other.0);
         let mut r = [S::from(0.0); K];
         for k in 0..K {
+            // A quotient solves b r = a, coefficient by coefficient.
+            #[allow(clippy::suspicious_arithmetic_impl)]
             let known = (1..=k).fold(a[k], |left, j| left - b[j] * r[k - j]);
             r[k] = known / b[0];
         }

@@ -82,7 +82,7 @@ fn extreme_numbers() {
     assert_eq!(product.ends(), (0.0, tiny));
     let product = Interval::from(-1e-200) * 1e-200;
     assert_eq!(product.ends(), (-tiny, 0.0));
-    assert_eq!((Interval::from(1e-320) / 3.0).is_point(), false);
+    assert!(!(Interval::from(1e-320) / 3.0).is_point());
     let quotient = Interval::from(tiny) / -3.0;
     assert_eq!(quotient.ends(), (-tiny, 0.0));
     // 3.75 and 4.28 times the smallest number, with remainders that underflow.
