@@ -4,7 +4,6 @@
 //! `NORMAL_FORMS_CASES=1000 cargo test --test normal_forms` draws more members than the 20 of each family; `NORMAL_FORMS_ONE="fold:7"` shows
 //! all findings on one member.
 #![cfg(feature = "autodiff")]
-
 #![allow(clippy::type_complexity)]
 
 mod answer;

@@ -369,8 +369,9 @@ fn units(jac: &Matrix, changes: &Matrix, x: &[f64]) -> Vec<f64> {
     let lengths: Vec<f64> = x.iter().map(|x| x.abs()).collect();
     jac.as_ref().add_term_sizes(&lengths, &mut terms);
     let mut least = vec![f64::INFINITY; x.len()];
-    for (i, j, v) in jac.triplets() {
-        if v != 0.0 && terms[i] > 0.0 {
+    // Entries that are far smaller than nearby are rounding errors of 0.
+    for ((i, j, v), (.., near)) in jac.triplets().zip(changes.triplets()) {
+        if v.abs() > NOTHING * near && terms[i] > 0.0 {
             least[j] = least[j].min(terms[i] / v.abs());
         }
     }
