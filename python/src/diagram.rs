@@ -134,13 +134,20 @@ impl Diagram {
 
 #[pymethods]
 impl Diagram {
-    /// Whether every arm of every vertex was followed to its end or to a bound.
+    /// Whether it is proven that nothing is missing of what is connected with the starts.
     #[getter]
     fn complete(&self) -> bool {
         self.found.completeness().is_complete()
     }
 
-    /// The same in words: "complete within the bounds", or "incomplete: ..." with what was left out.
+    /// Whether something is known to have been left out: a limit was reached, or a point is undecided.
+    #[getter]
+    fn limited(&self) -> bool {
+        self.found.completeness().is_limited()
+    }
+
+    /// The same in words: "complete within the bounds", "complete within the bounds up to steps of ...", "nothing else was found within the
+    /// bounds", or "incomplete: ..." with what was left out.
     #[getter]
     fn completeness(&self) -> String {
         self.found.completeness().to_string()
@@ -327,7 +334,7 @@ fn between(
 /// >>> pitchfork = lambda x: [x[0] ** 3 - x[1] * x[0]]
 /// >>> diagram = ss.diagram(pitchfork, [[0.0, -0.5]], parameter_range=(-1.0, 1.0))
 /// >>> diagram.completeness, sorted(diagram.solutions_at(0.25)[:, 0].round(9).tolist())
-/// ('complete within the bounds', [-0.5, 0.0, 0.5])
+/// ('nothing else was found within the bounds', [-0.5, 0.0, 0.5])
 #[pyfunction]
 #[pyo3(signature = (
     H, starts, parameter_range=None, *, jac=None, pattern=None, lower=None, upper=None, monitors=None,

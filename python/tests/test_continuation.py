@@ -132,7 +132,7 @@ def test_where_makes_a_curve_of_two_formulas():
 
 def test_diagrams_hold_all_arms_and_list_solutions():
     diagram = ss.diagram(lambda x: [x[0] ** 3 - x[1] * x[0]], [[0.0, -0.5]], parameter_range=(-1.0, 1.0))
-    assert diagram.complete and diagram.completeness == "complete within the bounds"
+    assert not diagram.limited and diagram.completeness == "nothing else was found within the bounds"
     np.testing.assert_allclose(np.sort(diagram.solutions_at(0.49)[:, 0]), [-0.7, 0.0, 0.7], atol=1e-12)
     assert diagram.solutions_at(-0.25).shape == (1, 2)
     (center,) = [v for v in diagram.vertices if v.kind == "branch point"]
@@ -142,7 +142,7 @@ def test_diagrams_hold_all_arms_and_list_solutions():
             np.testing.assert_allclose(edge.points[at], diagram.vertices[end].x, atol=1e-7)
     assert sorted(e for branch in diagram.branches for e, _ in branch) == list(range(len(diagram.edges)))
     limited = ss.diagram(lambda x: [x[0] ** 3 - x[1] * x[0]], [[0.0, -0.5]], (-1.0, 1.0), max_edges=1)
-    assert not limited.complete and "limit on edges" in limited.completeness
+    assert limited.limited and "limit on edges" in limited.completeness
 
 
 def test_monitors_and_callbacks_of_diagrams():
@@ -165,7 +165,7 @@ def test_monitors_and_callbacks_of_diagrams():
     assert {"point", "fold", "pass-through"} <= {e["event"] for e in seen}
     assert all(abs(e["x"][0]) + abs(e["x"][1]) == pytest.approx(1, abs=1e-9) for e in seen)
     stopped = ss.diagram(lambda x: [abs(x[0]) + abs(x[1]) - 1], [[0.5, 0.5]], callback=lambda e: True)
-    assert not stopped.complete and "stopped" in stopped.completeness
+    assert stopped.limited and "stopped" in stopped.completeness
     error = KeyError("mine")
 
     def failing(x):
@@ -220,7 +220,7 @@ def point(entry, alpha):
 def test_friction_problems_of_the_talk_have_the_vertices_and_solutions_of_exact_arithmetic(case):
     levels = [(a, [point(s, a) for s in found]) for a, found in zip(case["alphas"], case["solutions"]) if inside(a)]
     diagram = ss.diagram(friction(case), [s for _, found in levels for s in found], WINDOW)
-    assert diagram.complete
+    assert not diagram.limited
     vertices = np.array([v.x for v in diagram.vertices])
     for expected in filter(lambda v: inside(v["alpha"]), case["graph"]["vertices"]):
         distance = np.abs(vertices - point(expected, expected["alpha"])).max(axis=1)

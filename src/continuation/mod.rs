@@ -33,7 +33,7 @@ pub use diagram::{
 };
 pub use error::ContinuationError;
 pub use options::{ContinuationOptions, StepRule, Strategy};
-pub use point::{Certainty, PointAnalysis, PointDoubt};
+pub use point::{Certainty, PointAnalysis, PointDoubt, arms_at};
 pub(crate) use pursuit::pursue;
 pub use record::{
     Arm, BranchPoint, Event, MonitorCrossing, Point, PointKind, SiteChange, SmoothFold, Termination,
@@ -43,6 +43,6 @@ pub use save::SavedRun;
 pub use search::{
     FoundBy, FoundSolution, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
 };
-pub use start::{Direction, arms_at};
+pub use start::Direction;
 pub use two_parameters::{CharacterChange, FoldSet, TransitionSet};
 pub use vertices::BranchVertex;

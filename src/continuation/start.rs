@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::engine::{Curve, Solver, State, generic_probe, term_size};
 use super::event::watch::Departure;
-use super::point::{Arms, Certainty, PointAnalysis, PointDoubt, certainty};
+use super::point::{Arms, PointDoubt};
 use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
 use crate::clock::Clock;
 use crate::linear::{AutoSolver, LinearSolver};
@@ -248,32 +248,6 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver + Send + 'a> Continuation<
     }
 }
 
-/// All arms of the solution set at a solution x, and whether the list is complete to first order.
-///
-/// # Complexity
-/// Up to 16 active selections are tried one by one, a factorisation each. Where there are more, kᵖ for p sites with k active pieces each, a
-/// pruned search looks for those that have an arm: exponential in p in the worst case, ended by
-/// [`max_nodes`](ContinuationOptions::max_nodes), [`max_selections`](ContinuationOptions::max_selections) and
-/// [`max_time`](ContinuationOptions::max_time).
-///
-/// # Errors
-/// As [`Continuation::new`].
-pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
-    x: &[f64],
-    options: &ContinuationOptions,
-) -> Result<PointAnalysis, ContinuationError> {
-    let mut curve = Curve::prepare(map, x, options.clone(), Box::new(solver()))?;
-    let curve = curve.erased_mut();
-    let (mut arms, certainty) = curve.arms_of_start()?;
-    let analysis = PointAnalysis::new(&mut arms, certainty);
-    curve.map.unscale_arms(&mut arms.list);
-    Ok(PointAnalysis {
-        arms: arms.list,
-        ..analysis
-    })
-}
-
 /// Starts of any type as slices.
 pub(super) fn slices<S: AsRef<[f64]>>(starts: &[S]) -> Vec<&[f64]> {
     starts.iter().map(AsRef::as_ref).collect()
@@ -336,38 +310,9 @@ impl<'a> Curve<'a> {
         Ok(())
     }
 
-    /// All arms at the start, in scaled variables.
-    pub(super) fn arms_of_start(&mut self) -> Result<(Arms, Certainty), ContinuationError> {
-        self.moves_to_singular_point(&self.selection.clone(), None)?;
-        let vanishing = self.met_here()?;
-        let arms = self.all_arms(&vanishing)?;
-        let certainty = match &arms.undecided {
-            Some(doubt) => Certainty::Undecided(doubt.clone()),
-            None if !arms.complete => Certainty::Undecided(PointDoubt::Budget),
-            None => certainty(
-                &&self.map,
-                &self.here.x,
-                &self.active_here(&vanishing)?,
-                &arms.list,
-            ),
-        };
-        Ok((arms, certainty))
-    }
-
-    /// How certain it is that the arms given are all that leave the start.
-    pub(super) fn certainty_of(&mut self, arms: &[Arm]) -> Result<Certainty, ContinuationError> {
-        let vanishing = self.met_here()?;
-        Ok(certainty(
-            &&self.map,
-            &self.here.x,
-            &self.active_here(&vanishing)?,
-            arms,
-        ))
-    }
-
     /// The vanishing test functions at a start. One that does not vanish to rounding counts only if a curve across its facet passes as
     /// near: with directions of very different stiffness it may be far away.
-    fn met_here(&mut self) -> Result<Vec<Vanishing>, ContinuationError> {
+    pub(super) fn met_here(&mut self) -> Result<Vec<Vanishing>, ContinuationError> {
         let found = self.vanishing_here(&[]);
         let mut met = Vec::with_capacity(found.len());
         for v in found {

@@ -6,21 +6,17 @@ use std::ops::ControlFlow;
 use super::arc::{Arc, kind_of_slots, reversed};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::split::Stretch;
-use super::{
-    Diagram, DiagramCompleteness, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm,
-    VertexKind,
-};
+use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::clock::Clock;
 use crate::continuation::engine::Curve;
-use crate::continuation::point::{Arms, kind_of};
-use crate::continuation::start::{prepared_on, slices, solver};
+use crate::continuation::point::kind_of;
+use crate::continuation::start::{slices, solver};
 use crate::continuation::{
-    Arm, Certainty, ContinuationError, Event, MonitorCrossing, Point, PointDoubt, PointKind, Strategy,
-    Termination,
+    Arm, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
 };
-use crate::newton::{MoorePenrose, step_enclosure};
+use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseSmooth, Scaled};
-use crate::sparse::{distance, dot, norm};
+use crate::sparse::{distance, norm};
 
 /// Progress of an exploration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -98,19 +94,13 @@ impl Diagram {
     }
 }
 
-/// Variables up to which steps are proven to pass nothing unseen: each proof takes a few hundred times a product with a matrix of this size.
-const ENCLOSED: usize = 16;
-
-/// Cosine of the angle up to which the nearest arm of a vertex may be the one with a given tangent: that of a right angle by far.
-const NEAR: f64 = 0.5;
-
 /// Sees every event of an exploration, and may stop it.
 pub(super) type Observer<'o> = &'o mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>;
 
 pub(super) struct Explorer<'m, O> {
-    map: &'m dyn PiecewiseSmooth,
+    pub(super) map: &'m dyn PiecewiseSmooth,
     pub(super) diagram: Diagram,
-    options: DiagramOptions,
+    pub(super) options: DiagramOptions,
     pending: VecDeque<EdgeEnd>,
     clock: Clock,
     halted: bool,
@@ -118,13 +108,13 @@ pub(super) struct Explorer<'m, O> {
 }
 
 /// What a curve that arrives at a vertex finds there.
-struct Meeting<'e> {
-    x: &'e [f64],
-    kind: Option<VertexKind>,
-    incoming: Arm,
-    others: &'e [Arm],
-    followed: Option<usize>,
-    complete: bool,
+pub(super) struct Meeting<'e> {
+    pub(super) x: &'e [f64],
+    pub(super) kind: Option<VertexKind>,
+    pub(super) incoming: Arm,
+    pub(super) others: &'e [Arm],
+    pub(super) followed: Option<usize>,
+    pub(super) complete: bool,
 }
 
 impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
@@ -201,7 +191,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         Ok(())
     }
 
-    fn add_vertex(&mut self, vertex: DiagramVertex) -> usize {
+    pub(super) fn add_vertex(&mut self, vertex: DiagramVertex) -> usize {
         let v = self.diagram.vertices.len();
         let followed_up = !matches!(vertex.kind, VertexKind::Limit(_));
         if !vertex.complete && followed_up {
@@ -440,55 +430,6 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         meeting.followed.map(|_| end)
     }
 
-    /// The arm of a vertex that is this one, added if there is none: the nearest by the corrected points of both, or else by the tangents.
-    fn slot(&mut self, v: usize, arm: &Arm) -> usize {
-        let vertex = &mut self.diagram.vertices[v];
-        let far = |k: &usize| {
-            let own = &vertex.arms[*k].arm;
-            match (own.probe.is_empty(), arm.probe.is_empty()) {
-                (false, false) => distance(&own.probe, &arm.probe) / distance(&own.probe, &vertex.x),
-                _ => distance(&own.tangent, &arm.tangent),
-            }
-        };
-        let nearest = (0..vertex.arms.len()).min_by(|i, j| far(i).total_cmp(&far(j)));
-        let ahead = |k: &usize| dot(&vertex.arms[*k].arm.tangent, &arm.tangent) > NEAR;
-        match nearest.filter(ahead) {
-            Some(k) => k,
-            None => {
-                vertex.arms.push(VertexArm::new(arm.clone()));
-                vertex.arms.len() - 1
-            }
-        }
-    }
-
-    /// The arm of a known vertex along which an arc arrives.
-    fn slot_of_arrival(&mut self, v: usize, arc: &Arc, point: &Point, incoming: &Arm) -> usize {
-        let vertex = &self.diagram.vertices[v];
-        let mut nearest: Option<(f64, usize)> = None;
-        for (k, slot) in vertex.arms.iter().enumerate() {
-            let probe = &slot.arm.probe;
-            let radius = if probe.is_empty() {
-                0.0
-            } else {
-                distance(probe, &vertex.x)
-            };
-            let point = (radius > 0.0)
-                .then(|| behind(self.map, arc, point, radius))
-                .flatten();
-            let far = match point {
-                Some(point) => distance(probe, &point) / radius,
-                None => distance(&slot.arm.tangent, &incoming.tangent),
-            };
-            if dot(&slot.arm.tangent, &incoming.tangent) > NEAR && nearest.is_none_or(|n| far < n.0) {
-                nearest = Some((far, k));
-            }
-        }
-        match nearest {
-            Some((_, k)) => k,
-            None => self.slot(v, incoming),
-        }
-    }
-
     /// Stores an arc as an edge; `false` if it arrives along an arm that has one.
     fn close(&mut self, arc: &mut Arc, to: EdgeEnd) -> bool {
         let singular = |v: usize| self.diagram.vertices[v].kind == VertexKind::BranchPoint;
@@ -572,78 +513,6 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         }
     }
 
-    /// A vertex where a curve ends. At a bound of the parameter more may happen than that the curve leaves the range: then all arms of the
-    /// point belong to it.
-    fn vertex_at_end(&mut self, point: &Point, kind: VertexKind) -> usize {
-        let mut vertex = DiagramVertex {
-            x: point.x.clone(),
-            kind,
-            is_start: false,
-            arms: Vec::new(),
-            complete: kind == VertexKind::Bound,
-            certainty: Certainty::Estimated,
-        };
-        if kind == VertexKind::Bound
-            && let Ok((x, arms, certainty)) = self.arms_at_bound(&point.x)
-        {
-            vertex.certainty = certainty;
-            let found = kind_of(&arms.list);
-            vertex.complete = arms.complete;
-            vertex.x = x;
-            if found != VertexKind::PassThrough {
-                vertex.kind = found;
-                vertex.arms = arms.list.into_iter().map(VertexArm::new).collect();
-            }
-        }
-        self.add_vertex(vertex)
-    }
-
-    fn arms_at_bound(&self, x: &[f64]) -> Result<(Vec<f64>, Arms, Certainty), ContinuationError> {
-        let mut curve = prepared_on(self.map, x, self.options.continuation.clone())?;
-        let curve = curve.erased_mut();
-        let (arms, certainty) = curve.arms_of_start()?;
-        Ok((curve.here.x.clone(), arms, certainty))
-    }
-
-    /// How certain it is that no other arms leave a point that a curve has met.
-    fn certainty_of(&self, meeting: &Meeting<'_>) -> Certainty {
-        if !meeting.complete {
-            return Certainty::Undecided(PointDoubt::Budget);
-        }
-        let arms: Vec<Arm> = std::iter::once(&meeting.incoming)
-            .chain(meeting.others)
-            .cloned()
-            .collect();
-        let curve = prepared_on(self.map, meeting.x, self.options.continuation.clone());
-        let found = curve.and_then(|mut curve| curve.erased_mut().certainty_of(&arms));
-        found.unwrap_or(Certainty::Estimated)
-    }
-
-    /// Says how far what was found is proven to be all, if nothing was left out.
-    fn conclude(&mut self) {
-        if self.diagram.completeness.is_limited() {
-            return;
-        }
-        let edges = || self.diagram.edges.iter().flat_map(|e| e.points.windows(2));
-        self.diagram.completeness = if !self.diagram.vertices.iter().all(|v| v.certainty.is_proven()) {
-            DiagramCompleteness::NothingElseFound
-        } else if edges().all(|w| self.passes_nothing(&w[0], &w[1])) {
-            DiagramCompleteness::WithinBounds
-        } else {
-            let step = edges().map(|w| distance(&w[0].x, &w[1].x)).fold(0.0, f64::max);
-            DiagramCompleteness::UpToSteps { step }
-        };
-    }
-
-    /// Whether a step is proven to pass nothing unseen. On affine pieces it ends at the first facet.
-    fn passes_nothing(&self, a: &Point, b: &Point) -> bool {
-        let enclosed = || {
-            let found = step_enclosure(self.map, &a.selection, &a.x, &b.x);
-            found.is_some_and(|e| e.regular && e.facets_told_by_ends && (e.rate.is_some() || a.x == b.x))
-        };
-        self.map.is_piecewise_affine() || (a.x.len() <= ENCLOSED && enclosed())
-    }
-
     fn stopped_at(&mut self, vertex: usize, termination: Termination, failure: Option<ContinuationError>) {
         if let Some(error) = failure {
             return self.diagram.completeness.add(Limit::Failed { vertex, error });
@@ -657,20 +526,6 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
                 .add(Limit::Curve { vertex, termination }),
         }
     }
-}
-
-/// The point of an arc at a distance before its end.
-fn behind(map: &dyn PiecewiseSmooth, arc: &Arc, end: &Point, radius: f64) -> Option<Vec<f64>> {
-    let last = arc.points.iter().rev().find(|p| distance(&p.x, &end.x) > 0.0)?;
-    let length = distance(&last.x, &end.x);
-    if length <= radius {
-        return Some(last.x.clone());
-    }
-    let mut corrector = MoorePenrose::new(map, solver()).ok()?;
-    let found = Stretch::new(last, end)?
-        .at(map, &mut corrector, 1.0 - radius / length)
-        .ok()??;
-    Some(found.0)
 }
 
 /// The sign of det ∇_yH halfway between neighbouring points of a curve; `None` where it is not known.

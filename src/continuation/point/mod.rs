@@ -1,5 +1,7 @@
 //! The local theory of a point of {H = 0}: all arms that leave it, what α does on each, and how certain that is.
 
+pub(super) mod active;
+mod analyse;
 mod arc;
 mod beside;
 mod cell;
@@ -20,6 +22,7 @@ use std::fmt;
 use super::{Arm, VertexKind};
 use crate::words::Count;
 
+pub use analyse::arms_at;
 pub(super) use classify::kind_of;
 pub(super) use first::{Wanted, one_arm};
 pub(super) use proof::certainty;
