@@ -6,6 +6,10 @@ use crate::continuation::{Arm, ContinuationError};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
 use crate::sparse::norm;
 
+/// Share of the distance to a corrected point of an arm at which signs of determinants are taken: determinants grow with the distance from a
+/// singular point, so that they are far above rounding there.
+const NEAR: f64 = 1.0 / 64.0;
+
 impl Curve<'_> {
     /// Leaves `here` along `arm`: freezes its selection and sets up its monitors.
     pub(in crate::continuation) fn adopt(
@@ -40,6 +44,11 @@ impl Curve<'_> {
     /// Takes the signs of determinants from a point of the arm on which the curve leaves: at the point itself they may be rounding noise.
     fn take_signs_at(&mut self, probe: &[f64]) -> Result<(), ContinuationError> {
         let t = self.here.t.clone();
+        // Before the next singular point, if that is not too near.
+        let near: Vec<f64> = (self.here.x.iter().zip(probe))
+            .map(|(x, p)| x + NEAR * (p - x))
+            .collect();
+        let probe = near.as_slice();
         for k in 0..self.coactive.len() {
             let selection = self.coactive[k].0.clone();
             self.coactive[k].1 = self.orientation_of(&selection, probe, &t)?;

@@ -111,8 +111,11 @@ impl<'a> Curve<'a> {
             });
         }
         let start = self.selection.clone();
+        // As the point was located.
+        let singular = self.here.orientation.is_none() && self.here.det_sign == Some(0);
         let mut search = self.search(vanishing);
         search.unknown = !search.map.is_piecewise_affine();
+        search.singular = singular.then(|| start.clone());
         match rate {
             Some(rate) => Ok(search.following(&active, Wanted::Rate(rate), &start)?),
             None => Ok(search.all(&active)?),

@@ -14,7 +14,8 @@ pub(super) enum InCell {
     Undecided(PointDoubt),
 }
 
-/// The arms of a selection at the point of the frame, by the expansions of its arms in its switching functions.
+/// The arms of a selection at the point of the frame, by the expansions of its arms in its switching functions; the point may have been located as
+/// one where the selection is `singular`.
 ///
 /// # Errors
 /// Entries outside the pattern, values that are not finite.
@@ -22,10 +23,11 @@ pub(super) fn in_cell(
     frame: &Frame<'_>,
     layout: &TestLayout,
     selection: &Selection,
+    singular: bool,
 ) -> Result<InCell, PiecewiseError> {
     let mut extension = Extension::new(frame, selection)?;
     let found = inside(&extension, layout);
-    let Some(other) = extension.doubtful_rank() else {
+    let Some(other) = extension.doubtful_rank(singular) else {
         return Ok(found);
     };
     // Rounding does not tell the two ranks apart. The reading with more arms contains those of the other one: where curves that meet are torn

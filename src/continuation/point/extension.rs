@@ -4,6 +4,7 @@
 use std::cell::Cell;
 
 use super::arc::{Arc, Value};
+use super::search::RANK;
 use crate::linear::{Decomposition, decompose};
 use crate::newton::equilibrate;
 use crate::piecewise::expansion::{Exactness, TERMS, along};
@@ -150,10 +151,11 @@ impl<'a> Extension<'a> {
         SAFETY * f64::EPSILON * norm(first) + scatter
     }
 
-    /// Whether a smaller rank is within the errors of the entries, too.
-    pub(super) fn doubtful_rank(&self) -> Option<usize> {
+    /// Whether a smaller rank is within the errors of the entries, too, or within those of a point located as a `singular` one.
+    pub(super) fn doubtful_rank(&self, singular: bool) -> Option<usize> {
         let least = self.rank.checked_sub(1).map(|k| self.svd.values[k])?;
-        (least <= SAFETY * self.error).then(|| self.rank - 1)
+        let located = if singular { RANK } else { 0.0 };
+        (least <= located.max(SAFETY * self.error)).then(|| self.rank - 1)
     }
 
     /// Errors up to which numbers computed from coefficients of H are known, in balanced units.

@@ -45,6 +45,8 @@ impl Arms {
     }
 }
 
+/// Arms at a simple crossing of two curves.
+const CROSSING: usize = 4;
 /// Number of residuals up to which the extensions of selections are examined by dense decompositions.
 const DENSE: usize = 60;
 
@@ -319,10 +321,25 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             tests: self.layout.total(),
             off,
         };
-        match in_cell(&frame, self.layout, selection)? {
-            InCell::Arms(found) => self.found.extend(found),
-            InCell::Undecided(doubt) => arms.doubt(doubt),
+        let singular = self.singular.as_ref() == Some(selection);
+        let found = match in_cell(&frame, self.layout, selection, singular)? {
+            InCell::Arms(found) => found,
+            InCell::Undecided(doubt) => {
+                arms.doubt(doubt);
+                return Ok(());
+            }
+        };
+        // Where two curves of a selection cross there are four arms. If rounding hides them, the branching equation may still have them.
+        if singular
+            && self.vanishing.is_empty()
+            && found.len() < CROSSING
+            && let Ok(directions) = self.branching_directions(selection)?
+            && 2 * directions.len() > found.len()
+        {
+            directions.iter().for_each(|d| self.both_ways(selection, d));
+            return Ok(());
         }
+        self.found.extend(found);
         Ok(())
     }
 
