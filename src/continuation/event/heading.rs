@@ -36,14 +36,13 @@ impl Curve<'_> {
         if rate == 0.0 || rate.is_nan() || rate.signum() == f64::from(before) || vertical {
             return Ok(before);
         }
-        let known = match state.orientation {
-            Some(_) => self.rate_of_parameter(state)?,
+        let (rate, rounding) = match state.orientation {
+            // Beside undefined values the rounding is unknown; whether there is a fold is then decided where it is located.
+            Some(_) => self.rate_of_parameter(state)?.unwrap_or((rate, 0.0)),
             // At a singular point only the accuracy of the arms is known.
-            None => Some((rate, self.tangent_noise_at(false))),
+            None => (rate, self.tangent_noise_at(false)),
         };
-        Ok(known
-            .filter(|(rate, rounding)| rate.abs() > *rounding)
-            .map_or(before, |(rate, _)| rate.signum() as i8))
+        Ok(if rate.abs() > rounding { rate.signum() as i8 } else { before })
     }
 
     /// α̇ at a regular state, and a bound of its rounding error.
