@@ -268,10 +268,11 @@ impl<'a> Member<'a> {
                 Err(refusal) => self.refused(&format!("{what}, solutions at the vertex"), refusal),
             }
         }
-        if !complete {
-            self.findings
-                .undecided
-                .push(format!("{what}: {}", diagram.diagram.completeness()));
+        let words = diagram.diagram.completeness();
+        if words.is_limited() {
+            self.findings.undecided.push(format!("{what}: {words}"));
+        } else if !complete {
+            self.findings.estimated = true;
         }
         let list = if complete {
             &mut self.findings.falsely_complete

@@ -42,7 +42,11 @@ impl Curve<'_> {
             // At a singular point only the accuracy of the arms is known.
             None => (rate, self.tangent_noise_at(false)),
         };
-        Ok(if rate.abs() > rounding { rate.signum() as i8 } else { before })
+        Ok(if rate.abs() > rounding {
+            rate.signum() as i8
+        } else {
+            before
+        })
     }
 
     /// α̇ at a regular state, and a bound of its rounding error.
