@@ -99,7 +99,10 @@ impl NonsmoothFunction for Formula {
             }
             "x + a + 1e-300 x a" => x + a + x * 1e-300 * a,
             "(x + 1)^2 - x^2 - a" => (x + 1.0).powi(2) - x.powi(2) - a,
-            "x a - x a + x" => x * a - x * a + x,
+            "x a - x a + x" => {
+                let product = x * a;
+                product - x * a + x
+            }
             "x^2 - a" => x * x - a,
             "x^1.5 - a" => x.powf(1.5) - a,
             "x^-1 - a" => x.powi(-1) - a,
