@@ -119,7 +119,7 @@ def _smooth(points: Any, departures: Any, arrivals: Any, x: _Drawn, y: _Drawn) -
     for k in range(a.shape[1]):
         ends = [c[:, [k]] for c in (a, p, q, b)]
         weights = [(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3]
-        parts.append(sum(w * c for w, c in zip(weights, ends)) if bent[k] else ends[3])
+        parts.append(np.sum([w * c for w, c in zip(weights, ends)], axis=0) if bent[k] else ends[3])
     return np.hstack(parts) * unit
 
 
