@@ -212,7 +212,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         Ok(Self::of(curve))
     }
 
-    /// Starts at `x` along a given arm (of a transition or branch point, or from [`arms_at`]).
+    /// Starts at `x` along a given arm (of a transition or branch point, or from [`arms_at`](crate::continuation::arms_at)).
     ///
     /// # Errors
     /// As [`new`](Self::new).

@@ -15,7 +15,7 @@ use crate::piecewise::PiecewiseSmooth;
 /// [`max_time`](ContinuationOptions::max_time).
 ///
 /// # Errors
-/// As [`Continuation::new`].
+/// As [`Continuation::new`](crate::continuation::Continuation::new).
 pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     x: &[f64],
