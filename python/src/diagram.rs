@@ -24,8 +24,8 @@ pub(crate) struct Vertex {
     x: Py<PyArray1<f64>>,
     /// The parameter.
     parameter: f64,
-    /// "start", "pass-through", "fold", "vertical segment", "branching", "branch point", "end", "isolated", "bound", or why the curve was not
-    /// followed further.
+    /// "start", "pass-through", "fold", "vertical segment", "branching", "branch point", "end", "isolated", "continuum" (a region of solutions),
+    /// "bound", or why the curve was not followed further.
     kind: &'static str,
     /// Indices of the edges that leave along its arms; None for an arm that was not followed.
     edges: Vec<Option<usize>>,

@@ -38,6 +38,18 @@ const OPEN: [&str; 5] = [
     "two of four complex lines",
 ];
 
+/// Families of codimension 0 and 1 of which some members are still left undecided, in the units told.
+const DOUBTFUL: [&str; 8] = [
+    "pass-through, both tangents vertical",
+    "fold, one tangent vertical",
+    "pass-through, one tangent vertical",
+    "curved kink, c > 1",
+    "fold",
+    "transcritical, slope 1e-3 to 0.1",
+    "saddle of two unknowns",
+    "vertical on one side",
+];
+
 type Examine = fn(&Entry, &mut Random) -> Findings;
 
 fn member(draw: fn(&mut Random) -> Entry, examine: Examine, name: &str, seed: u64) -> (Findings, u8) {
@@ -76,6 +88,7 @@ fn group(name: &str) {
 
 fn families(name: &str, chosen: impl Fn(&str) -> bool, examine: Examine) {
     let one = std::env::var("NORMAL_FORMS_ONE").ok();
+    let told = name != "untold units";
     let mut table = format!(
         "{name:36} codimension  members  false  falsely complete  folds  missing  estimated  undecided\n"
     );
@@ -102,12 +115,18 @@ fn families(name: &str, chosen: impl Fn(&str) -> bool, examine: Examine) {
             c.instances, c.wrong, c.falsely_complete, c.folds, c.missing, c.estimated, c.undecided
         ));
         let open = OPEN.contains(family);
-        if c.falsely_complete > 0 || (!open && c.wrong + c.folds > 0) {
+        let decided = told && codim <= 1 && !DOUBTFUL.contains(family);
+        let bad = c.falsely_complete > 0 || (!open && c.wrong + c.folds > 0);
+        // Undecided are at most one of a hundred.
+        if bad || (decided && c.undecided > c.instances / 100) {
             faults.push(*family);
         }
     }
     println!("{table}\n{examples}");
-    assert!(faults.is_empty(), "false or falsely complete: {faults:?}");
+    assert!(
+        faults.is_empty(),
+        "false, falsely complete or undecided: {faults:?}"
+    );
 }
 
 #[test]

@@ -23,6 +23,7 @@ _KINDS = {
     "branch point": "branching",
     "end": "end",
     "isolated": "isolated solution",
+    "continuum": "branching",
     "undecided": "undecided",
     "start": "start",
 }

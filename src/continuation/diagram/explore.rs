@@ -9,7 +9,6 @@ use super::split::Stretch;
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::clock::Clock;
 use crate::continuation::engine::Curve;
-use crate::continuation::point::kind_of;
 use crate::continuation::start::{slices, solver};
 use crate::continuation::{
     Arm, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
@@ -166,7 +165,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         }
         let (arms, certainty) = curve.arms_of_start()?;
         let x = curve.here.x.clone();
-        let mut kind = kind_of(&arms.list);
+        let mut kind = arms.kind();
         if let (VertexKind::PassThrough, [a, b]) = (kind, arms.list.as_slice())
             && a.selection == b.selection
         {
@@ -177,11 +176,16 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         {
             kind = VertexKind::BranchPoint;
         }
+        if kind == VertexKind::Isolated && certainty.is_undecided() {
+            // That no arm was found does not say that there is none.
+            kind = VertexKind::Start;
+        }
         let v = self.add_vertex(DiagramVertex {
             x,
             kind,
             is_start: true,
-            complete: arms.complete,
+            // The directions of a continuum are not listed as arms.
+            complete: arms.complete && arms.continua.is_empty(),
             certainty,
             arms: arms.list.into_iter().map(VertexArm::new).collect(),
         });

@@ -1,7 +1,7 @@
 //! Queries of a diagram.
 
 use super::split::Stretch;
-use super::{Diagram, VertexKind};
+use super::{Diagram, DiagramVertex, VertexKind};
 use crate::continuation::engine::term_size;
 use crate::continuation::{ContinuationError, Point};
 use crate::linear::AutoSolver;
@@ -164,7 +164,8 @@ impl Diagram {
                 }
             }
         }
-        for vertex in self.vertices.iter().filter(|v| v.arms.is_empty()) {
+        let isolated = |v: &&DiagramVertex| v.arms.is_empty() && v.kind == VertexKind::Isolated;
+        for vertex in self.vertices.iter().filter(isolated) {
             if vertical(vertex.parameter()) {
                 found.isolated.push(vertex.x.clone());
             }

@@ -61,12 +61,8 @@ pub struct PointAnalysis {
 impl PointAnalysis {
     /// Of the arms found, which are added by the caller.
     pub(super) fn new(arms: &mut Arms, certainty: Certainty) -> Self {
-        let kind = match arms.continua.len() {
-            0 => kind_of(&arms.list),
-            _ => VertexKind::Continuum,
-        };
         Self {
-            kind,
+            kind: arms.kind(),
             arms: Vec::new(),
             continua: std::mem::take(&mut arms.continua),
             certainty,
