@@ -28,5 +28,5 @@ pub use crate::enumeration::{EnumerationOptions, all_arms, all_solutions};
 pub use crate::newton::{Newton, NewtonError, NewtonOptions};
 pub use crate::piecewise::{Facet, MinMap, PiecewiseError, PiecewiseSmooth, Real, Selection, Semismooth};
 #[cfg(feature = "autodiff")]
-pub use crate::piecewise::{Kinks, NonsmoothFunction, Traced};
+pub use crate::piecewise::{Formula, Kinks, NonsmoothFunction, Traced};
 pub use crate::sparse::{Matrix, Pattern};

@@ -352,6 +352,8 @@ fn of_autodiff() -> Vec<&'static str> {
     use semismooth::*;
     all_shared! {
         "complementarity::Autodiff": complementarity::Autodiff<Smooth>,
+        "piecewise::Formula": piecewise::Formula,
+        "piecewise::FormulaError": piecewise::FormulaError,
         "piecewise::Traced": piecewise::Traced<Kinked>,
     }
 }
@@ -387,6 +389,8 @@ const NOT_SHARED: [&str; 5] = [
     "output::JsonLinesWriter",
     // The record of one evaluation, borrowed by the function that is traced.
     "piecewise::Kinks",
+    // Writes to the formula that is being recorded.
+    "piecewise::Expression",
 ];
 
 #[test]

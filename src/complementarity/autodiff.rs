@@ -4,8 +4,8 @@ use num_dual::Dual64;
 
 use super::McpFunction;
 use super::scratch::Scratch;
-use crate::piecewise::Real;
 use crate::piecewise::trace::{lacking, ordinary_point, structure};
+use crate::piecewise::{Formula, Kinks, NonsmoothFunction, Real};
 use crate::sparse::{Coloring, Matrix, Pattern};
 
 /// A smooth function written once over [`Real`]; [`Autodiff`] turns it into an [`McpFunction`] with exact Jacobians.
@@ -34,6 +34,21 @@ pub trait SmoothFunction {
         }
         // All of them lie inside.
         Pattern::from_entries(n, m, entries).unwrap_or_else(|_| Pattern::full(n, m))
+    }
+}
+
+/// At a kink, value and derivatives are those of the piece that the test functions choose.
+impl SmoothFunction for Formula {
+    fn num_vars(&self) -> usize {
+        NonsmoothFunction::num_vars(self)
+    }
+
+    fn num_values(&self) -> usize {
+        self.num_residuals()
+    }
+
+    fn eval<T: Real>(&self, x: &[T], out: &mut [T]) {
+        NonsmoothFunction::eval(self, x, &mut Kinks::chosen(), out);
     }
 }
 

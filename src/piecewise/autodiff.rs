@@ -131,6 +131,11 @@ impl<'a, T: Real> Kinks<'a, T> {
         }
     }
 
+    /// Kinks that take the pieces which their test functions choose.
+    pub(crate) fn chosen() -> Self {
+        Self::new(Mode::Pieces(None, &mut []))
+    }
+
     /// The value of a kink with the given pieces; `tests` are its test functions and `natural` the piece that they choose.
     fn kink<const N: usize>(
         &mut self,

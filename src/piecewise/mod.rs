@@ -19,6 +19,8 @@ mod error;
 mod essential;
 mod exact_pieces;
 pub(crate) mod expansion;
+#[cfg(feature = "autodiff")]
+mod formula;
 mod hull;
 mod implicit;
 mod index;
@@ -53,6 +55,8 @@ pub(crate) use essential::open_cone;
 pub use essential::{Activity, essential_activity};
 pub use exact_pieces::{ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite};
 pub use expansion::Expansions;
+#[cfg(feature = "autodiff")]
+pub use formula::{Expression, Formula, FormulaError};
 pub use implicit::{ImplicitFunction, implicit_function};
 pub use index::local_index;
 pub use layout::TestLayout;

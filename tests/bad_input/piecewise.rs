@@ -262,6 +262,17 @@ fn piecewise_maps() {
     notions(&mut t);
     let (curve, equation) = (vee(), square(2));
     let at = [0.5, 0.5];
+    #[cfg(feature = "autodiff")]
+    for (text, said) in [
+        ("y + z", "z is unknown"),
+        ("(y", "not closed"),
+        ("", "expected"),
+        ("y^y", "exponent"),
+    ] {
+        t.refuses("piecewise::Formula::read", text, said, || {
+            semismooth::piecewise::Formula::read(&[text], &["y"])
+        });
+    }
 
     for bad in BAD {
         for x in [[bad, 0.0], [0.0, bad]] {

@@ -15,6 +15,8 @@ mod affinity;
 mod certificates;
 mod elements;
 mod exact;
+#[cfg(feature = "autodiff")]
+mod formulas;
 mod implicit;
 #[cfg(feature = "autodiff")]
 mod nested;

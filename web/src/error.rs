@@ -3,9 +3,8 @@ use std::error::Error as _;
 use semismooth::contact::ContactError;
 use semismooth::continuation::ContinuationError;
 use semismooth::enumeration::EnumerationError;
-use semismooth::piecewise::PiecewiseError;
+use semismooth::piecewise::{FormulaError, PiecewiseError};
 use semismooth::sparse::SparseError;
-use semismooth_formulas::WrongEquation;
 use serde::Serialize;
 
 /// Why there is no answer.
@@ -37,7 +36,7 @@ pub enum Error {
     },
     /// A formula that cannot be read.
     #[error(transparent)]
-    Formula(#[from] WrongEquation),
+    Formula(#[from] FormulaError),
     /// The problem was refused.
     #[error(transparent)]
     Contact(#[from] ContactError),
@@ -80,7 +79,7 @@ impl From<Error> for Told {
             cause = inner.source();
         }
         let place = match &error {
-            Error::Formula(e) => Some((e.equation, e.mistake.from, e.mistake.to)),
+            Error::Formula(e) => Some((e.equation, e.from, e.to)),
             _ => None,
         };
         Self {

@@ -2,8 +2,7 @@
 
 use semismooth::continuation::{Diagram, SearchOptions, search_solutions};
 use semismooth::enumeration::{EnumerationError, EnumerationOptions};
-use semismooth::piecewise::{PiecewiseSmooth, Selection, Traced};
-use semismooth_formulas::Formulas;
+use semismooth::piecewise::{self, PiecewiseSmooth, Selection, Traced};
 use serde::{Deserialize, Serialize};
 
 use crate::drawing::{Drawing, Words};
@@ -100,7 +99,7 @@ impl Formula {
         })
     }
 
-    fn curves(&self, map: &Traced<Formulas>, solutions: &Listed) -> Result<Diagram, Error> {
+    fn curves(&self, map: &Traced<piecewise::Formula>, solutions: &Listed) -> Result<Diagram, Error> {
         let options = options(self.range);
         let continuation = options.continuation.clone();
         let reach = self.range[1] - self.range[0] + self.reach;
@@ -132,7 +131,7 @@ impl Formula {
             .with_reach(None)
     }
 
-    fn found(&self, map: &Traced<Formulas>, pieces: &Pieces) -> Result<Found, Error> {
+    fn found(&self, map: &Traced<piecewise::Formula>, pieces: &Pieces) -> Result<Found, Error> {
         let none: [[f64; 1]; 0] = [];
         let found = search_solutions(map, self.at, &none, &self.search())?;
         Ok(Found {
@@ -150,7 +149,7 @@ impl Formula {
         })
     }
 
-    fn map(&self) -> Result<(Traced<Formulas>, Pieces), Error> {
+    fn map(&self) -> Result<(Traced<piecewise::Formula>, Pieces), Error> {
         let given: Vec<&String> = match self.equations.as_slice() {
             [first, second] if second.trim().is_empty() => vec![first],
             list => list.iter().collect(),
@@ -165,14 +164,15 @@ impl Formula {
             1 => &["x", "a"],
             _ => &["x", "y", "a"],
         };
-        let formulas = Formulas::read(&given, variables)?;
-        let pieces = Pieces(formulas.sites().map(|s| s.pieces.clone()).collect());
+        let map = Traced::new(piecewise::Formula::read(&given, variables)?);
+        let name = |site, piece| map.piece_name(site, piece).into_owned();
+        let pieces = Pieces((0..map.num_sites()).map(|site| [name(site, 0), name(site, 1)]).collect());
         within(
             "the number of kinks (max, min, abs)",
             pieces.0.len() as f64,
             (0.0, MOST_SITES as f64),
             "at most 10",
         )?;
-        Ok((Traced::new(formulas), pieces))
+        Ok((map, pieces))
     }
 }

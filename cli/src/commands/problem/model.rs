@@ -1,8 +1,7 @@
 //! From a run file to a map.
 
 use semismooth::contact::{CondensedContact, PlanarCoulomb, read_folder};
-use semismooth::piecewise::{PiecewiseSmooth, Traced};
-use semismooth_formulas::{Formulas, WrongEquation};
+use semismooth::piecewise::{Formula, PiecewiseSmooth, Traced};
 use serde::de::DeserializeOwned;
 
 use super::input::{Input, options};
@@ -18,7 +17,7 @@ pub(super) struct Problem {
 }
 
 enum Map {
-    Formulas(Box<Traced<Formulas>>),
+    Formulas(Box<Traced<Formula>>),
     Friction(Box<CondensedContact<PlanarCoulomb>>),
 }
 
@@ -101,7 +100,8 @@ impl RunFile {
         let variables: Vec<&str> = names.iter().map(String::as_str).collect();
         let texts: Vec<&str> = equations.iter().map(|e| e.get_ref().as_str()).collect();
         let formulas =
-            Formulas::read(&texts, &variables).map_err(|WrongEquation { equation, mistake }| {
+            Formula::read(&texts, &variables).map_err(|mistake| {
+                let equation = mistake.equation;
                 let text: Vec<u16> = texts[equation].encode_utf16().collect();
                 let part = |from: usize, to: usize| String::from_utf16_lossy(&text[from.min(to)..to]);
                 let (from, to) = (mistake.from.min(text.len()), mistake.to.min(text.len()));

@@ -1,16 +1,18 @@
 //! Reads formulas as people type them.
 
-use crate::expression::{Expression, Operator, Smooth};
+use super::node::{Binary, Node, Page, Smooth};
 
 /// Largest number of characters in an equation.
 const LONGEST: usize = 400;
 /// Largest depth of nested parentheses, signs and powers.
 const DEEPEST: usize = 40;
 
-/// What is wrong with a formula, and where: the characters from `from` to before `to` in UTF-16, as browsers count them.
+/// What is wrong with one of several equations, and where: the characters from `from` to before `to` in UTF-16, as browsers count them.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
-pub struct Mistake {
+pub struct FormulaError {
+    /// Number of the equation, from 0.
+    pub equation: usize,
     /// What is wrong.
     pub message: String,
     /// The first character of the mistake.
@@ -19,22 +21,29 @@ pub struct Mistake {
     pub to: usize,
 }
 
-/// A site of a formula, as text.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Site {
-    /// The pieces, in the order of the library.
-    pub pieces: [String; 2],
+/// A mistake, before it is known in which equation.
+struct Mistake {
+    message: String,
+    from: usize,
+    to: usize,
 }
 
-/// An equation, expression = 0, with its sites in the order in which they are evaluated.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Equation {
-    pub(crate) expression: Expression,
-    pub(crate) sites: Vec<Site>,
+/// Reads `formula` or `left = right` in the given variables, onto a page.
+pub(super) fn read(
+    text: &str,
+    equation: usize,
+    variables: &[&str],
+    page: &Page,
+) -> Result<usize, FormulaError> {
+    equation_of(text, variables, page).map_err(|Mistake { message, from, to }| FormulaError {
+        equation,
+        message,
+        from,
+        to,
+    })
 }
 
-/// Reads `formula` or `left = right` in the given variables.
-pub(crate) fn read(text: &str, variables: &[(&str, usize)]) -> Result<Equation, Mistake> {
+fn equation_of(text: &str, variables: &[&str], page: &Page) -> Result<usize, Mistake> {
     let length = text.encode_utf16().count();
     if length > LONGEST {
         return Err(Mistake {
@@ -49,27 +58,20 @@ pub(crate) fn read(text: &str, variables: &[(&str, usize)]) -> Result<Equation, 
         depth: 0,
         end: length,
         variables,
-        sites: Vec::new(),
+        page,
     };
-    let mut expression = reader.sum()?;
+    let mut read = reader.sum()?;
     if reader.eat("=") {
         let right = reader.sum()?;
-        expression = two(Operator::Minus, expression, right);
+        read = page.add(Node::Two(Binary::Sub, [read, right]));
     }
     match reader.peek() {
-        None => Ok(Equation {
-            expression,
-            sites: reader.sites,
-        }),
+        None => Ok(read),
         Some(t) if t.text == "=" => Err(t.mistake("an equation has one sign =")),
         Some(t) if t.text == ")" => Err(t.mistake("nothing was opened that this ) closes")),
         Some(t) if t.text == "," => Err(t.mistake("a comma belongs between the arguments of max or min")),
         Some(t) => Err(t.mistake(format!("an operator is missing before {}", t.text))),
     }
-}
-
-fn two(operator: Operator, a: Expression, b: Expression) -> Expression {
-    Expression::Two(operator, Box::new(a), Box::new(b))
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -181,8 +183,8 @@ struct Reader<'a> {
     depth: usize,
     /// The position after the last character.
     end: usize,
-    variables: &'a [(&'a str, usize)],
-    sites: Vec<Site>,
+    variables: &'a [&'a str],
+    page: &'a Page,
 }
 
 impl Reader<'_> {
@@ -198,19 +200,6 @@ impl Reader<'_> {
         found
     }
 
-    /// The text read since a token.
-    fn words(&self, since: usize) -> String {
-        let mut words = String::new();
-        for t in &self.tokens[since..self.next] {
-            let spaced = t.kind == Kind::Sign && matches!(t.text.as_str(), "+" | "-") && !words.is_empty();
-            match spaced && !words.ends_with('(') {
-                true => words.push_str(&format!(" {} ", t.text)),
-                false => words.push_str(&t.text),
-            }
-        }
-        words.replace('-', "−")
-    }
-
     fn missing(&self, what: &str) -> Mistake {
         match self.peek() {
             Some(t) => t.mistake(format!("{what} is expected before {}", t.text)),
@@ -222,38 +211,43 @@ impl Reader<'_> {
         }
     }
 
-    fn sum(&mut self) -> Result<Expression, Mistake> {
+    fn sum(&mut self) -> Result<usize, Mistake> {
         let mut sum = self.product()?;
         loop {
             let operator = match () {
-                () if self.eat("+") => Operator::Plus,
-                () if self.eat("-") => Operator::Minus,
+                () if self.eat("+") => Binary::Add,
+                () if self.eat("-") => Binary::Sub,
                 () => return Ok(sum),
             };
-            sum = two(operator, sum, self.product()?);
+            let next = self.product()?;
+            sum = self.page.add(Node::Two(operator, [sum, next]));
         }
     }
 
-    fn product(&mut self) -> Result<Expression, Mistake> {
+    fn product(&mut self) -> Result<usize, Mistake> {
         let mut product = self.signed()?;
         loop {
             let operator = match () {
-                () if self.eat("*") => Operator::Times,
-                () if self.eat("/") => Operator::Over,
+                () if self.eat("*") => Binary::Mul,
+                () if self.eat("/") => Binary::Div,
                 () => return Ok(product),
             };
-            product = two(operator, product, self.signed()?);
+            let next = self.signed()?;
+            product = self.page.add(Node::Two(operator, [product, next]));
         }
     }
 
     /// All recursion goes through here, where its depth is limited.
-    fn signed(&mut self) -> Result<Expression, Mistake> {
+    fn signed(&mut self) -> Result<usize, Mistake> {
         self.depth += 1;
         if self.depth > DEEPEST {
             return Err(self.missing("an end of parentheses and signs within each other"));
         }
         let signed = match () {
-            () if self.eat("-") => Expression::Negative(Box::new(self.signed()?)),
+            () if self.eat("-") => {
+                let inner = self.signed()?;
+                self.page.add(Node::Neg([inner]))
+            }
             () if self.eat("+") => self.signed()?,
             () => self.power()?,
         };
@@ -262,16 +256,16 @@ impl Reader<'_> {
     }
 
     /// −x^2 is −(x^2), and x^−2^2 is x^(−(2^2)).
-    fn power(&mut self) -> Result<Expression, Mistake> {
+    fn power(&mut self) -> Result<usize, Mistake> {
         let base = self.atom()?;
         if !self.eat("^") {
             return Ok(base);
         }
         let begun = self.next;
         let exponent = self.signed()?;
-        Ok(match number(&exponent) {
-            Some(p) if p.fract() == 0.0 && p.abs() <= 100.0 => Expression::Whole(Box::new(base), p as i32),
-            Some(p) if p.is_finite() => Expression::Power(Box::new(base), p),
+        Ok(match self.page.constant(exponent) {
+            Some(p) if p.fract() == 0.0 && p.abs() <= 100.0 => self.page.add(Node::Integer([base], p as i32)),
+            Some(p) if p.is_finite() => self.page.add(Node::Power([base], p.to_bits())),
             _ => {
                 let (from, to) = (self.tokens[begun].from, self.tokens[self.next - 1].to);
                 let message = "an exponent is a number; write exp(b*ln(a)) for a^b".to_owned();
@@ -280,7 +274,7 @@ impl Reader<'_> {
         })
     }
 
-    fn atom(&mut self) -> Result<Expression, Mistake> {
+    fn atom(&mut self) -> Result<usize, Mistake> {
         let Some(token) = self.peek().cloned() else {
             return Err(self.missing("a number, a variable or a function"));
         };
@@ -289,7 +283,7 @@ impl Reader<'_> {
                 self.next += 1;
                 let value = token.text.parse().ok().filter(|v: &f64| v.is_finite());
                 let mistake = || token.mistake(format!("{} is no number", token.text));
-                value.map(Expression::Number).ok_or_else(mistake)
+                value.map(|v| self.page.number(v)).ok_or_else(mistake)
             }
             Kind::Name => {
                 self.next += 1;
@@ -312,105 +306,61 @@ impl Reader<'_> {
         }
     }
 
-    fn named(&mut self, token: &Token) -> Result<Expression, Mistake> {
+    fn named(&mut self, token: &Token) -> Result<usize, Mistake> {
         let name = token.text.as_str();
-        if let Some((_, k)) = self.variables.iter().find(|v| v.0 == name) {
-            return Ok(Expression::Variable(*k));
+        if let Some(k) = self.variables.iter().position(|&v| v == name) {
+            return Ok(self.page.add(Node::Variable(k)));
         }
         let smooth = match name {
-            "pi" | "π" => return Ok(Expression::Number(std::f64::consts::PI)),
+            "pi" | "π" => return Ok(self.page.number(std::f64::consts::PI)),
             "max" | "min" | "abs" => return self.kink(token),
-            "sqrt" => Smooth::Sqrt,
-            "exp" => Smooth::Exp,
-            "ln" | "log" => Smooth::Ln,
-            "sin" => Smooth::Sin,
-            "cos" => Smooth::Cos,
-            "tan" => Smooth::Tan,
-            "atan" => Smooth::Atan,
-            "sinh" => Smooth::Sinh,
-            "cosh" => Smooth::Cosh,
-            "tanh" => Smooth::Tanh,
-            _ => {
-                let names: Vec<&str> = self.variables.iter().map(|v| v.0).collect();
-                return Err(token.mistake(format!(
-                    "{name} is unknown; there are {}, pi, max, min, abs, sqrt, exp, ln, sin, cos, tan, atan, sinh, cosh, tanh",
-                    names.join(", ")
-                )));
-            }
+            "log" => Some(Smooth::Ln),
+            _ => Smooth::ALL.iter().find(|f| f.0 == name).map(|f| f.1),
         };
-        let (mut arguments, _) = self.arguments(token)?;
+        let Some(smooth) = smooth else {
+            return Err(token.mistake(format!(
+                "{name} is unknown; there are {}, pi, max, min, abs, {}",
+                self.variables.join(", "),
+                Smooth::ALL.map(|f| f.0).join(", ")
+            )));
+        };
+        let mut arguments = self.arguments(token)?;
         match (arguments.pop(), arguments.pop()) {
-            (Some(one), None) => Ok(Expression::Of(smooth, Box::new(one))),
+            (Some(one), None) => Ok(self.page.add(Node::Of(smooth, [one]))),
             _ => Err(token.mistake(format!("{name} takes one argument"))),
         }
     }
 
-    /// The arguments of a function, with their text.
-    fn arguments(&mut self, function: &Token) -> Result<(Vec<Expression>, Vec<String>), Mistake> {
+    fn arguments(&mut self, function: &Token) -> Result<Vec<usize>, Mistake> {
         let Some(opened) = self.peek().filter(|t| t.text == "(").cloned() else {
             return Err(function.mistake(format!("{} needs its arguments in parentheses", function.text)));
         };
         self.next += 1;
-        let (mut arguments, mut words) = (Vec::new(), Vec::new());
+        let mut arguments = Vec::new();
         loop {
-            let begun = self.next;
             arguments.push(self.sum()?);
-            words.push(self.words(begun));
             if !self.eat(",") {
                 self.close(&opened)?;
-                return Ok((arguments, words));
+                return Ok(arguments);
             }
         }
     }
 
-    fn kink(&mut self, token: &Token) -> Result<Expression, Mistake> {
+    fn kink(&mut self, token: &Token) -> Result<usize, Mistake> {
         let name = token.text.as_str();
-        let (arguments, words) = self.arguments(token)?;
-        let mut rest = arguments.into_iter().zip(words);
-        let first = rest.next();
-        let (Some((mut value, mut said)), is_abs) = (first, name == "abs") else {
-            return Err(token.mistake(format!("{name} needs an argument")));
-        };
-        match (is_abs, rest.len()) {
-            (true, 0) => {
-                let pieces = [format!("{said} ≥ 0"), format!("{said} ≤ 0")];
-                self.sites.push(Site { pieces });
-                return Ok(Expression::Abs(Box::new(value)));
+        let arguments = self.arguments(token)?;
+        match (name, arguments.as_slice()) {
+            ("abs", &[a]) => Ok(self.page.add(Node::Abs([a]))),
+            ("abs", _) => Err(token.mistake("abs takes one argument")),
+            (_, &[first, ref rest @ ..]) if !rest.is_empty() => {
+                Ok(rest.iter().fold(first, |value, &next| {
+                    self.page.add(match name {
+                        "max" => Node::Max([value, next]),
+                        _ => Node::Min([value, next]),
+                    })
+                }))
             }
-            (true, _) => return Err(token.mistake("abs takes one argument")),
-            (false, 0) => return Err(token.mistake(format!("{name} takes two arguments or more"))),
-            (false, _) => {}
+            _ => Err(token.mistake(format!("{name} takes two arguments or more"))),
         }
-        for (next, words) in rest {
-            let pieces = [said.clone(), words.clone()];
-            self.sites.push(Site { pieces });
-            said = format!("{name}({said}, {words})");
-            let (a, b) = (Box::new(value), Box::new(next));
-            value = match name {
-                "max" => Expression::Max(a, b),
-                _ => Expression::Min(a, b),
-            };
-        }
-        Ok(value)
-    }
-}
-
-/// The value of a constant expression; exponents must be constant.
-fn number(expression: &Expression) -> Option<f64> {
-    match expression {
-        Expression::Number(v) => Some(*v),
-        Expression::Negative(a) => number(a).map(|v| -v),
-        Expression::Two(operator, a, b) => {
-            let (a, b) = (number(a)?, number(b)?);
-            Some(match operator {
-                Operator::Plus => a + b,
-                Operator::Minus => a - b,
-                Operator::Times => a * b,
-                Operator::Over => a / b,
-            })
-        }
-        Expression::Whole(a, n) => number(a).map(|v| v.powi(*n)),
-        Expression::Power(a, p) => number(a).map(|v| v.powf(*p)),
-        _ => None,
     }
 }
