@@ -370,6 +370,7 @@ fn of_json() -> Vec<&'static str> {
 fn of_svg() -> Vec<&'static str> {
     use semismooth::*;
     all_shared! {
+        "output::BodyPicture": output::BodyPicture<'static>,
         "output::BranchDiagram": output::BranchDiagram,
         "output::Colour": output::Colour,
         "output::Curve": output::Curve,

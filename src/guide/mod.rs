@@ -15,6 +15,36 @@
 //! 9. [Limits of time and memory, and of the results](limits)
 //! 10. [Relation to other programs, references](other_programs)
 //! 11. [Words: ours beside those of the literature](words)
+//!
+//! # What there is
+//!
+//! | for | in the crate | see it run |
+//! |---|---|---|
+//! | a piecewise-smooth map of your own, checked | `piecewise` | `your_own_problem` |
+//! | solving it | `newton` | `corrector_convergence` |
+//! | semismooth maps given by Jacobian–vector products: inexact Newton–Krylov methods | `newton::NewtonKrylov`, `linear::Krylov` | `sparse_control`, `bingham` |
+//! | properties of a solution: generalised derivatives, BD-, CD- and strong regularity, index | `piecewise`, `complementarity::strong_regularity` | `tests/piecewise/notions.rs` |
+//! | following it through kinks, every transition classified | `continuation` | `transition_points`, `follow_load`, `families` |
+//! | all branches as one graph, isolas included | `continuation::Diagram` | `diagram` |
+//! | all solutions at a parameter, certified to be all | `enumeration` | `all_solutions`, `sample_branches` |
+//! | transitions as curves in two parameters; folds likewise | `TransitionSet`; `FoldSet` | `transition_sets`; `tests/continuation/transition_sets.rs` |
+//! | runs resumed bit for bit after being killed | `SavedRun`, `output::CsvWriter` | `long_run` |
+//! | any nonsmooth law on few traces of a definite operator | `interface` | `tests/contact/interface.rs` |
+//! | mixed complementarity problems from any start | `complementarity` | `solve_mcp`, `obstacle` |
+//! | variational inequalities over polyhedra, with proofs that there is no solution | `variational` | `solve_vi`, `quasi_variational` |
+//! | complementarity over second-order cones and semidefinite matrices | `cones` | `solve_cone`, `nearest_correlation` |
+//! | linear elasticity on a mesh, contact rows | `fem` | `families`, `nonuniqueness` |
+//! | bodies with von Mises plasticity under a history of loads | `fem::{PlasticBody, VonMises}` | `plasticity` |
+//! | friction in plane and space: slip-dependent, orthotropic, history-dependent; moving supports | `contact::FullContact`, `CondensedContact` | `nonuniqueness`, `uniqueness` |
+//! | friction problems u = M r + q (Delassus form), 2D and 3D | `contact::DelassusSolver` | `friction_problem` |
+//!
+//! # Features
+//!
+//! `autodiff` (exact Jacobians of formulas), `json` (problems from JSON files), `serde` (saved runs, options from files), `svg` (pictures) and
+//! `pdf` (the same for papers) are on by default. `rayon` (sweeps and large bodies on all cores; results are bitwise the same on any number of
+//! threads) and `convert-nalgebra`, `convert-faer`, `convert-nalgebra-sparse`, `convert-sprs` (matrices from and to those crates) are off by
+//! default. Without any of them the solvers, CSV tables and fields for ParaView remain; the library then builds for
+//! `wasm32-unknown-unknown`, too.
 
 #[doc = include_str!("pieces.md")]
 pub mod pieces {}

@@ -100,6 +100,12 @@ pub enum OutputError {
         /// Values given.
         found: usize,
     },
+    /// A node of a body is not finite, or does not exist.
+    #[error("node {node} cannot be drawn: it does not exist, or its position is not finite")]
+    Node {
+        /// The node, from 0.
+        node: usize,
+    },
     /// The time of a step of a series is NaN or infinite.
     #[error("step {index} of the series has the time {time}, which must be finite")]
     Time {

@@ -14,6 +14,8 @@ mod vtu;
 pub use csv::{Column, write_csv};
 #[cfg(feature = "svg")]
 pub use diagram::{BranchDiagram, Colour, Curve, Marker, Panel, SegmentStyle};
+#[cfg(feature = "svg")]
+pub use draw::BodyPicture;
 pub use error::OutputError;
 pub use graph::write_diagram_csv;
 #[cfg(feature = "json")]

@@ -214,6 +214,28 @@ fn pictures(t: &mut Table, branch: &Branch) {
             BranchDiagram::new(good()).with_size(width, height).to_svg()
         });
     }
+    let mesh = semismooth::fem::Mesh::rectangle([0.0; 2], [1.0; 2], [1, 1]).unwrap();
+    let body = || semismooth::output::BodyPicture::new(&mesh);
+    for bad in BAD {
+        t.refuses("output::BodyPicture::to_svg", "displacements", "node 0", || {
+            body().with_displacements(vec![bad; 8], 1.0).to_svg()
+        });
+        t.refuses(
+            "output::BodyPicture::to_svg",
+            "the magnification",
+            "node 0",
+            || body().with_displacements(vec![1.0; 8], bad).to_svg(),
+        );
+        t.survives("output::BodyPicture::to_svg", "a field", || {
+            body().with_field("field", vec![bad]).to_svg()
+        });
+    }
+    t.refuses(
+        "output::BodyPicture::write",
+        "no folder",
+        "no/such/file.svg",
+        || body().write(Path::new("no/such/file.svg")),
+    );
     t.refuses(
         "output::BranchDiagram::write",
         "no folder",

@@ -34,20 +34,36 @@ impl Entry<'_> {
 /// The classes in order of appearance, then the marks in use, in rows.
 pub(super) fn rows(diagram: &BranchDiagram) -> Vec<Vec<Entry<'_>>> {
     let curves = || diagram.panels.iter().flat_map(|p| &p.curves);
-    let mut classes: Vec<&SegmentStyle> = Vec::new();
     let named = diagram.panels.iter().flat_map(|p| &p.classes);
-    for style in curves().flat_map(|c| &c.styles).chain(named) {
-        if !style.name.is_empty() && !classes.iter().any(|c| c.name == style.name) {
-            classes.push(style);
-        }
-    }
+    let classes = named_once(curves().flat_map(|c| &c.styles).chain(named));
     let mut entries: Vec<Entry<'_>> = classes.into_iter().map(Entry::Class).collect();
     if curves().flat_map(|c| &c.styles).any(|s| s.dashed) {
         entries.push(Entry::Negative);
     }
     let used = |kind: &Marker| curves().flat_map(|c| &c.marks).any(|m| m.0 == *kind);
     entries.extend(Marker::ALL.into_iter().filter(used).map(Entry::Mark));
-    let available = f64::from(diagram.size.0);
+    in_rows(entries, f64::from(diagram.size.0))
+}
+
+/// The classes in order of appearance, each name once, in rows.
+pub(super) fn classes<'a>(
+    styles: impl Iterator<Item = &'a SegmentStyle>,
+    available: f64,
+) -> Vec<Vec<Entry<'a>>> {
+    in_rows(named_once(styles).into_iter().map(Entry::Class), available)
+}
+
+fn named_once<'a>(styles: impl Iterator<Item = &'a SegmentStyle>) -> Vec<&'a SegmentStyle> {
+    let mut classes: Vec<&SegmentStyle> = Vec::new();
+    for style in styles {
+        if !style.name.is_empty() && !classes.iter().any(|c| c.name == style.name) {
+            classes.push(style);
+        }
+    }
+    classes
+}
+
+fn in_rows<'a>(entries: impl IntoIterator<Item = Entry<'a>>, available: f64) -> Vec<Vec<Entry<'a>>> {
     let mut rows: Vec<Vec<Entry<'_>>> = Vec::new();
     let mut taken = available;
     for entry in entries {

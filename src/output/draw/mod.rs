@@ -1,6 +1,7 @@
 //! Layout of diagrams as a list of shapes, which `svg` and `pdf` write.
 
 mod axis;
+mod body;
 mod label;
 mod legend;
 mod lines;
@@ -17,6 +18,7 @@ use super::OutputError;
 use super::diagram::{BranchDiagram, Colour, Marker, Panel};
 use crate::sparse::replace_file;
 use axis::Axis;
+pub use body::BodyPicture;
 use plane::{Point, Range, clip, clip_region, drawable, inside, padded_range};
 use shape::{Anchor, BLACK, Pixel, Shape, WHITE};
 
@@ -53,17 +55,20 @@ impl BranchDiagram {
     /// # Errors
     /// As [`to_svg`](Self::to_svg); [`OutputError::Io`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), OutputError> {
-        let path = path.as_ref();
-        let picture = match path.extension() {
-            #[cfg(feature = "pdf")]
-            Some(extension) if extension.eq_ignore_ascii_case("pdf") => self.to_pdf()?,
-            _ => self.to_svg()?.into_bytes(),
-        };
-        replace_file(path, |part| std::fs::write(part, &picture)).map_err(|e| OutputError::Io {
-            path: Some(path.to_path_buf()),
-            source: e.into(),
-        })
+        write_picture(path.as_ref(), &shapes(self)?, self.size, &self.title)
     }
+}
+
+fn write_picture(path: &Path, shapes: &[Shape], size: (u32, u32), title: &str) -> Result<(), OutputError> {
+    let picture = match path.extension() {
+        #[cfg(feature = "pdf")]
+        Some(extension) if extension.eq_ignore_ascii_case("pdf") => pdf::write(shapes, size),
+        _ => svg::write(shapes, size, title).into_bytes(),
+    };
+    replace_file(path, |part| std::fs::write(part, &picture)).map_err(|e| OutputError::Io {
+        path: Some(path.to_path_buf()),
+        source: e.into(),
+    })
 }
 
 fn shapes(diagram: &BranchDiagram) -> Result<Vec<Shape>, OutputError> {
