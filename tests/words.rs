@@ -14,7 +14,7 @@ use semismooth::contact::{
 };
 use semismooth::continuation::{Branch, Continuation, ContinuationOptions, Direction, Event, PointKind};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
-use semismooth::fem::{CellKind, PlaneModel};
+use semismooth::fem::{CellKind, Dilatation, PlaneModel};
 use semismooth::linear::{IncompleteLu, Krylov, KrylovMethod, Preconditioned, Preconditioner};
 use semismooth::piecewise::check::{CheckOptions, check};
 use semismooth::piecewise::{MinMap, PiecewiseSmooth};
@@ -45,6 +45,7 @@ fn names_are_read_back() {
         CellKind::Hexahedron,
     ]);
     read_back(&[PlaneModel::Strain, PlaneModel::Stress]);
+    read_back(&[Dilatation::Automatic, Dilatation::Pointwise, Dilatation::Mean]);
     read_back(&McpOptions::default().strategies);
     read_back(&[
         ConeStrategy::Newton,

@@ -1,9 +1,12 @@
 //! Elastic bodies and loads on them.
 
+use std::ffi::CString;
+
 use numpy::PyArray1;
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
+use semismooth::UnknownName;
 use semismooth::fem::{self, ElasticSystem, Elasticity, PlaneModel};
 use semismooth::interface::LoadCase;
 
@@ -121,6 +124,10 @@ type Columns<'py> = (
 ///     Other materials for groups of cells.
 /// plane : {"strain", "stress"}
 ///     Plane strain or plane stress; for meshes in the plane.
+/// dilatation : {"automatic", "pointwise", "mean"}
+///     How quadrilaterals and hexahedra integrate the volumetric strain: as the mean over each cell (B-bar), which keeps them from locking
+///     where the material is nearly incompressible; "automatic": where Poisson's ratio is above 0.45. Triangles and tetrahedra lock
+///     there, with a warning; see ``notes``.
 ///
 /// >>> import semismooth as ss
 /// >>> mesh = ss.Mesh.rectangle([0, 0], [4, 1], [8, 2])
@@ -137,13 +144,14 @@ pub(crate) struct Body {
 #[pymethods]
 impl Body {
     #[new]
-    #[pyo3(signature = (mesh, material, *, supports, materials=None, plane="strain"))]
+    #[pyo3(signature = (mesh, material, *, supports, materials=None, plane="strain", dilatation="automatic"))]
     fn new(
         mesh: &Bound<'_, Mesh>,
         material: &Material,
         supports: &Bound<'_, PyDict>,
         materials: Option<&Bound<'_, PyDict>>,
         plane: &str,
+        dilatation: &str,
     ) -> PyResult<Self> {
         let (py, dim, failures) = (mesh.py(), mesh.get().mesh.dim(), Failures::default());
         let plane = match plane {
@@ -156,7 +164,10 @@ impl Body {
             }
         };
         let own = Elasticity::new(mesh.get().mesh.clone(), material.material.clone());
-        let mut body = own.with_plane_model(plane);
+        let dilatation = dilatation
+            .parse()
+            .map_err(|e: UnknownName| PyValueError::new_err(format!("dilatation: {e}")))?;
+        let mut body = own.with_plane_model(plane).with_dilatation(dilatation);
         for (name, material) in materials.into_iter().flatten() {
             let material: Material = material.extract()?;
             body = body.with_material(name.extract::<String>()?, material.material);
@@ -167,11 +178,21 @@ impl Body {
                 body = body.prescribe(&name, component, value.function(py, dim, &failures));
             }
         }
-        let system = py.detach(|| body.discretize());
+        let system = failures.settle(py.detach(|| body.discretize()))?;
+        if system.num_locking() > 0 {
+            let warning = CString::new(system.notes().join("; "))?;
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &warning, 1)?;
+        }
         Ok(Self {
-            system: failures.settle(system)?,
+            system,
             mesh: mesh.clone().unbind(),
         })
+    }
+
+    /// What should be known of the discretisation: where the volumetric strain is a mean over the cell, and where elements lock.
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.system.notes()
     }
 
     /// Number of free displacements.

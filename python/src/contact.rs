@@ -1,4 +1,4 @@
-//! Bodies in contact with rigid foundations, with friction.
+//! Bodies in contact with rigid foundations or with each other, with friction.
 
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
@@ -89,6 +89,104 @@ impl Foundation {
     }
 }
 
+/// The facets that may touch each other where both sides are deformable; those of the contact problem carry the multipliers.
+///
+/// Parameters
+/// ----------
+/// facets : str
+///     The other group of facets, of the same mesh; the nodes of both need not match.
+/// gap : number or function of a point, optional
+///     Added to the distance between the meshes; negative for an interference.
+/// tangent : vector of shape (d,) or function of a point, optional
+///     In space, the first principal axis of friction.
+/// reach : float, optional
+///     Facets further apart do not face each other.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct Mortar {
+    facets: String,
+    gap: Option<Scalar>,
+    tangent: Option<Direction>,
+    reach: Option<f64>,
+}
+
+#[pymethods]
+impl Mortar {
+    #[new]
+    #[pyo3(signature = (facets, *, gap=None, tangent=None, reach=None))]
+    fn new(
+        facets: String,
+        gap: Option<&Bound<'_, PyAny>>,
+        tangent: Option<&Bound<'_, PyAny>>,
+        reach: Option<f64>,
+    ) -> PyResult<Self> {
+        Ok(Self {
+            facets,
+            gap: gap.map(|g| Scalar::of(g, "gap")).transpose()?,
+            tangent: tangent.map(|t| Direction::of(t, "tangent")).transpose()?,
+            reach,
+        })
+    }
+}
+
+impl Mortar {
+    fn mortar(&self, py: Python<'_>, dim: usize, failures: &Failures) -> PyResult<fem::Mortar> {
+        let mut mortar = fem::Mortar::default();
+        if let Some(gap) = &self.gap {
+            mortar = mortar.with_gap(gap.function(py, dim, failures));
+        }
+        if let Some(tangent) = &self.tangent {
+            mortar = mortar.with_tangent(tangent.function(py, dim, "tangent", failures)?);
+        }
+        Ok(match self.reach {
+            Some(reach) => mortar.with_reach(reach),
+            None => mortar,
+        })
+    }
+}
+
+/// What a boundary may touch.
+enum Opposite {
+    Foundation(fem::Foundation),
+    Boundary(String, fem::Mortar),
+}
+
+impl Opposite {
+    fn of(given: &Bound<'_, PyAny>, dim: usize, failures: &Failures) -> PyResult<Self> {
+        if let Ok(foundation) = given.cast::<Foundation>() {
+            return Ok(Self::Foundation(foundation.get().foundation(
+                given.py(),
+                dim,
+                failures,
+            )?));
+        }
+        if let Ok(mortar) = given.cast::<Mortar>() {
+            let own = mortar.get();
+            return Ok(Self::Boundary(
+                own.facets.clone(),
+                own.mortar(given.py(), dim, failures)?,
+            ));
+        }
+        match given.extract::<String>() {
+            Ok(facets) => Ok(Self::Boundary(facets, fem::Mortar::default())),
+            Err(_) => Err(PyTypeError::new_err(
+                "the third argument is a Foundation, the name of the facets on the other side, or a Mortar",
+            )),
+        }
+    }
+
+    fn rows(
+        &self,
+        system: &fem::ElasticSystem,
+        facets: &str,
+        multipliers: MultiplierSpace,
+    ) -> Result<ContactRows, fem::FemError> {
+        match self {
+            Self::Foundation(foundation) => system.contact_with(facets, foundation, multipliers),
+            Self::Boundary(other, mortar) => system.contact_between(facets, other, mortar),
+        }
+    }
+}
+
 /// The space of contact forces by its name, or the size of its patches.
 fn multipliers(given: Option<&Bound<'_, PyAny>>) -> PyResult<MultiplierSpace> {
     let Some(given) = given else {
@@ -146,7 +244,7 @@ impl Form {
     }
 }
 
-/// An elastic body in contact with a rigid foundation, under a load f(α) = supports + ``load`` + α ``rate`` + Σ φ_k(α) f_k.
+/// An elastic body in contact with a rigid foundation, or two bodies in contact with each other, under a load f(α) = supports + ``load`` + α ``rate`` + Σ φ_k(α) f_k.
 ///
 /// At each of the p contact nodes: penetration ≤ 0 ≤ pressure, one of them 0 (Signorini), and Coulomb's law of friction. α is the
 /// parameter; :func:`follow` and :func:`diagram` take the problem in place of H, :func:`all_solutions` in place of a map (in the plane), and
@@ -157,7 +255,9 @@ impl Form {
 /// body : Body
 /// facets : str
 ///     The group of facets that may touch the foundation.
-/// foundation : Foundation
+/// foundation : Foundation, str or Mortar
+///     A rigid foundation; or the group of facets on the other side, where both sides are deformable (the bodies are parts of one mesh,
+///     whose nodes need not match), with its settings as a :class:`Mortar`.
 /// friction : number, array of shape (p,), Friction, or a pair of them, or GivenBound, or None
 ///     The coefficient; in space also a pair of coefficients, along the two tangents; :class:`GivenBound`: Tresca friction; ``None``: none.
 /// load, rate : Load, optional
@@ -168,8 +268,8 @@ impl Form {
 ///     "condensed": x = (λν, λt₁[, λt₂], α), nodal forces, dense, one factorisation of the stiffness matrix in all. "full": x = (u, λν, λt₁[,
 ///     λt₂], α), sparse, one factorisation per step: for thousands of contact nodes. "reduced": x as in full form, but solved for the
 ///     displacements alone, with multigrid, for bodies of up to millions of displacements: :meth:`solve` and :func:`evolve` only, curves
-///     are not followed. "auto": "reduced" for solids of more than 6000 free displacements and plane bodies of more than 3 million, else
-///     "condensed".
+///     are not followed. "auto": "reduced" for solids of more than 6000 free displacements and plane bodies of more than 3 million on
+///     rigid foundations, else "condensed".
 /// multipliers : "nodal", "dual cells" or float, optional
 ///     The space of the p contact forces (Haslinger, Kučera, Vlach 2008): nodal forces (unless given); constant on the part of the facets
 ///     nearest to each node ("dual cells"); or constant on patches, each of the facets whose centroids lie in one box of a grid of this
@@ -202,7 +302,7 @@ impl ContactProblem {
     fn new(
         body: &Bound<'_, Body>,
         facets: &str,
-        foundation: &Foundation,
+        foundation: &Bound<'_, PyAny>,
         friction: Option<&Bound<'_, PyAny>>,
         load: Option<&Load>,
         rate: Option<&Load>,
@@ -212,12 +312,20 @@ impl ContactProblem {
     ) -> PyResult<Self> {
         let (py, system) = (body.py(), &body.get().system);
         let (dim, failures) = (system.mesh().dim(), Failures::default());
-        let foundation = foundation.foundation(py, dim, &failures)?;
+        let opposite = Opposite::of(foundation, dim, &failures)?;
+        let between = matches!(opposite, Opposite::Boundary(..));
+        if between && multipliers.is_some() {
+            return Err(PyValueError::new_err(
+                "between two boundaries multipliers are those of the nodes of the first: leave out multipliers",
+            ));
+        }
         let multipliers = self::multipliers(multipliers)?;
-        let path = load_path(body, load, rate, paths.unwrap_or_default())?;
+        let paths = paths.unwrap_or_default();
+        let cases: Vec<LoadCase> = paths.iter().map(|(load, _)| load.get().case.clone()).collect();
+        let path = load_path(body, load, rate, paths)?;
         let large = system.num_free() > if dim == 2 { PLANE } else { SOLID };
         let form = match form {
-            "auto" if large => "reduced",
+            "auto" if large && !between => "reduced",
             "auto" => "condensed",
             "condensed" | "full" | "reduced" => form,
             other => {
@@ -226,7 +334,11 @@ impl ContactProblem {
                 )));
             }
         };
-        let rows = failures.settle(py.detach(|| system.contact_with(facets, &foundation, multipliers)))?;
+        let rows = failures.settle(py.detach(|| opposite.rows(system, facets, multipliers)))?;
+        let moving = [load, rate].into_iter().flatten().map(|l| &l.case);
+        for case in moving.chain(cases.iter()) {
+            rows.check_supports(system, case).map_err(raised)?;
+        }
         let law = law(friction, dim, rows.nodes.len())?;
         let own = law.clone();
         let route = py.detach(|| -> Result<Route, SetupError> {
@@ -323,6 +435,15 @@ impl ContactProblem {
     #[getter]
     fn areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.rows.areas)
+    }
+
+    /// Tangents that are held at rest, as on planes of symmetry: bool, shape (p, d − 1). Solutions are then those with that symmetry: lists,
+    /// counts and proofs of uniqueness say nothing of others of the whole body.
+    #[getter]
+    fn held<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
+        let own = |h: &[bool; 2]| h[..self.dim() - 1].to_vec();
+        let rows: Vec<Vec<bool>> = self.rows.held.iter().map(own).collect();
+        PyArray2::from_vec2(py, &rows).map_err(|e| PyValueError::new_err(e.to_string()))
     }
 
     /// Initial gaps, shape (p,).
@@ -578,5 +699,6 @@ fn state(name: &str) -> PyResult<semismooth::contact::ContactState> {
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Foundation>()?;
+    module.add_class::<Mortar>()?;
     module.add_class::<ContactProblem>()
 }

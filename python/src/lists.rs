@@ -56,7 +56,8 @@ pub(crate) struct SolutionSet {
     status: &'static str,
     /// The largest residual of the solutions; 0 where there are none.
     residual: f64,
-    /// The verdict: "complete", "incomplete: ..." with how far the search got, or "not proven: ..." with the reason.
+    /// The verdict: "complete", "incomplete: ..." with how far the search got, or "not proven: ..." with the reason; for contact problems
+    /// with tangents that are held, with the remark that it concerns symmetric solutions only.
     completeness: String,
     /// Sum of the local indices of a complete list without continua, where all are known.
     index_sum: Option<i64>,
@@ -143,6 +144,9 @@ impl SolutionSet {
     }
 }
 
+/// What a list does not say where tangents are held.
+const SYMMETRIC: &str = " (symmetric solutions only: tangents are held, as on planes of symmetry)";
+
 /// max |Hᵢ(x)| on a selection in whose closed cell x lies: H is continuous, so that all of them agree.
 fn residual(map: &dyn PiecewiseSmooth, solution: &enumeration::Solution) -> f64 {
     let own;
@@ -195,7 +199,11 @@ fn all_solutions(
     }
     if let Ok(contact) = problem.cast::<ContactProblem>() {
         contact.get().one_parameter()?;
-        return SolutionSet::of(py, contact.get().form()?.map(), parameter, &options);
+        let mut found = SolutionSet::of(py, contact.get().form()?.map(), parameter, &options)?;
+        if contact.get().rows.num_held() > 0 {
+            found.completeness.push_str(SYMMETRIC);
+        }
+        return Ok(found);
     }
     let Ok(map) = problem.cast::<Map>() else {
         return Err(PyTypeError::new_err(

@@ -511,3 +511,80 @@ TRIANGLE = [[0, 0], [1, 0], [0, 1]]
 def test_what_does_not_serve_is_refused(work, says):
     with pytest.raises((ValueError, TypeError), match=says):
         work()
+
+
+def half(whole, d, friction, n=3):
+    """A block pressed on a foundation with a parabolic gap, or its part with x ≥ 0 (and y ≥ 0)."""
+    low, across = (-1.0, 2 * n) if whole else (0.0, n)
+    if d == 2:
+        mesh = ss.Mesh.rectangle([low, 0], [1, 1], [across, n])
+    else:
+        mesh = ss.Mesh.block([low, low, 0], [1, 1, 1], [across, across, n])
+    supports = {"top": [0.0] * (d - 1) + [-0.01]}
+    if not whole:
+        sides = ["left", "front"][: d - 1]
+        supports = {side: [0.0 if k == e else None for e in range(d)] for k, side in enumerate(sides)} | supports
+    body = ss.Body(mesh, ss.Material(1.0, 0.3), supports=supports)
+    ground = ss.Foundation.gap(lambda x: 0.004 * (x[:-1] @ x[:-1]))
+    return ss.ContactProblem(body, "bottom", ground, friction)
+
+
+@pytest.mark.parametrize("d, friction", [(2, 0.3), (2, None), (3, (0.3, 0.05)), (3, None)])
+def test_parts_with_planes_of_symmetry_are_the_whole(d, friction):
+    parts = [half(whole, d, friction) for whole in (False, True)]
+    (own, x), (whole, y) = ((p, p.solve()) for p in parts)
+    assert own.held.shape == (own.num_contacts, d - 1) and not whole.held.any()
+    assert (own.held.any(axis=1) == (own.points[:, : d - 1] == 0).any(axis=1)).all()
+    share = 0.5 ** (own.points[:, : d - 1] == 0).sum(axis=1)
+    index = [np.argmin(np.linalg.norm(whole.points - p, axis=1)) for p in own.points]
+    assert np.abs(x.pressures - share * y.pressures[index]).max() < 1e-10 * y.pressures.max()
+
+
+def test_lists_of_half_models_say_so():
+    found = ss.all_solutions(half(False, 2, 0.3))
+    assert found.complete and len(found) == 1
+    assert "symmetric solutions only" in found.completeness and "symmetric" in repr(found)
+    assert ss.all_solutions(half(True, 2, 0.3)).completeness == "complete"
+
+
+def two_bodies(n, m, left):
+    """Two unit squares, one above the other, with n and m edges at their interface, on rollers at the left: uniform stress."""
+    parts = [ss.Mesh.rectangle([0, 1], [1, 2], [n, 2]), ss.Mesh.rectangle([0, 0], [1, 1], [m, 2])]
+    first = len(parts[0].points)
+    points = np.vstack([p.points for p in parts])
+    cells = [("quad", np.vstack([parts[0].cells[0][1], parts[1].cells[0][1] + first]))]
+    mesh = ss.Mesh(points, cells)
+    mesh = mesh.with_boundary("upper", lambda x, nu: (nu[:, 1] < -0.5) & (x[:, 1] > 0.5))
+    mesh = mesh.with_boundary("lower", lambda x, nu: (nu[:, 1] > 0.5) & (x[:, 1] < 1.5))
+    mesh = mesh.with_boundary("top", lambda x, nu: x[:, 1] > 1.99).with_boundary("base", lambda x, nu: x[:, 1] < 0.01)
+    mesh = mesh.with_boundary("left", lambda x, nu: nu[:, 0] < -0.5)
+    return ss.Body(mesh, ss.Material(1.0, 0.3), supports={"top": [None, -0.02], "base": [None, 0.0], "left": left})
+
+
+@pytest.mark.parametrize("roles", [("upper", "lower"), ("lower", "upper")])
+def test_uniform_stress_passes_between_bodies(roles):
+    body = two_bodies(3, 4, [0.0, None])
+    for other in (roles[1], ss.Mortar(roles[1]), ss.Mortar(roles[1], gap=lambda x: 0.0 * x[0], reach=0.1)):
+        problem = ss.ContactProblem(body, roles[0], other, 0.3)
+        solution = problem.solve()
+        exact = 0.01 / (1 - 0.3**2)
+        assert np.abs(solution.pressures / problem.areas - exact).max() < 1e-12 * exact * 10
+    with pytest.raises(ss.SemismoothError, match="opposite"):
+        ss.ContactProblem(body, "upper", "base", 0.3)
+    with pytest.raises(TypeError, match="Mortar"):
+        ss.ContactProblem(body, "upper", 3, 0.3)
+
+
+def test_nearly_incompressible_bodies_are_told():
+    mesh = ss.Mesh.rectangle([0, 0], [2, 1], [16, 8])
+    supports = {"top": [0.0, -0.01], "bottom": [None, 0.0]}
+    body = ss.Body(mesh, ss.Material(1.0, 0.4999), supports=supports)
+    assert len(body.notes) == 1 and "128 quadrilaterals have the mean" in body.notes[0]
+    assert ss.Body(mesh, ss.Material(1.0, 0.3), supports=supports).notes == []
+    with pytest.warns(UserWarning, match="256 triangles of first order lock"):
+        ss.Body(mesh.simplices(), ss.Material(1.0, 0.4999), supports=supports)
+    with pytest.warns(UserWarning, match="quadrilaterals of first order lock"):
+        ss.Body(mesh, ss.Material(1.0, 0.4999), supports=supports, dilatation="pointwise")
+    # Quadrilaterals of nine nodes, extrapolated, as in tests/fem/dilatation.rs.
+    contact = ss.ContactProblem(ss.Body(mesh, ss.Material(1.0, 0.4999), supports={"top": [0.0, -0.01]}), "bottom", GROUND, None)
+    assert abs(contact.solve().pressures.sum() / 0.034985 - 1) < 0.02

@@ -50,6 +50,10 @@ pub(super) struct Nodes {
 impl ContactBody {
     /// A body with its normal trace, one or two tangential traces (p × n each), and a load; gap 0.
     ///
+    /// A row of zeros in a tangential trace means that this component is held, as on a plane of symmetry: there is no slip along it, and
+    /// the multiplier is 0 (on a plane of symmetry it is; at a support, its force is part of the reaction). Friction along the other
+    /// tangent, if any, obeys the law as if the first one were absent. What is found then are solutions with that symmetry.
+    ///
     /// # Errors
     /// Empty problems, wrong shapes, entries that are not finite; multipliers that do no work in any displacement
     /// ([`ContactError::InvisibleMultiplier`]).
@@ -75,11 +79,36 @@ impl ContactBody {
             entries.extend(trace.triplets().map(|(i, j, v)| (block * p + i, j, v)));
         }
         let stacked = Matrix::from_triplets(p * traces.len(), n, &entries)?;
-        Ok(Self {
+        let mut body = Self {
             operator: Arc::new(Operator::new(a, &stacked, load)?),
             gap: vec![0.0; p],
             nodes: None,
-        })
+        };
+        body.hold();
+        Ok(body)
+    }
+
+    /// Gives each held tangent a spring of its own, of the stiffness of a contact node. Its force λt and its displacement −λt/k are in
+    /// opposite directions, and friction acts along the slip or prevents it: both vanish in every solution of every law, which is then
+    /// determined, as it would not be with v_t = 0 alone.
+    fn hold(&mut self) {
+        let b_t = &self.operator.b_t;
+        let empty: Vec<bool> = (0..b_t.ncols()).map(|k| is_zero_column(b_t, k)).collect();
+        if !empty.contains(&true) {
+            return;
+        }
+        let spring = 1.0 / self.node_stiffness();
+        let of = |held: &bool| if *held { spring } else { 0.0 };
+        Arc::make_mut(&mut self.operator).yielding = empty.iter().map(of).collect();
+    }
+
+    /// Number of contact nodes with a tangent that is held; see [`new`](Self::new).
+    #[must_use]
+    pub fn num_held(&self) -> usize {
+        let p = self.num_contacts();
+        let held =
+            |i: &usize| (1..=self.num_tangents()).any(|d| is_zero_column(&self.operator.b_t, d * p + i));
+        (0..p).filter(held).count()
     }
 
     /// Sets the positions of the nodes, and the node and component (from 0) of each displacement, for error messages that name positions
@@ -263,7 +292,9 @@ impl ContactBody {
         let (a, b_t) = (&self.operator.a, &self.operator.b_t);
         let mut mean = 0.0;
         let mut b = vec![0.0; a.nrows()];
-        for i in 0..b_t.ncols() {
+        let moving = || (0..b_t.ncols()).filter(|i| !is_zero_column(b_t, *i));
+        let count = moving().count() as f64;
+        for i in moving() {
             for_column(b_t, i, |j, v| b[j] = v);
             // Only the columns of A that the row touches.
             let (mut square, mut energy) = (0.0, 0.0);
@@ -272,7 +303,7 @@ impl ContactBody {
                 for_column(a, j, |k, a| energy += b[k] * a * v);
             });
             for_column(b_t, i, |j, _| b[j] = 0.0);
-            mean += energy / (square * square) / b_t.ncols() as f64;
+            mean += energy / (square * square) / count;
         }
         if mean > 0.0 && mean.is_finite() { mean } else { 1.0 }
     }
@@ -283,6 +314,12 @@ fn for_column(matrix: &Matrix, j: usize, mut f: impl FnMut(usize, f64)) {
     for k in p.col_ptr()[j]..p.col_ptr()[j + 1] {
         f(p.row_idx()[k], matrix.values()[k]);
     }
+}
+
+fn is_zero_column(matrix: &Matrix, j: usize) -> bool {
+    let mut zero = true;
+    for_column(matrix, j, |_, v| zero &= v == 0.0);
+    zero
 }
 
 /// Number of products in the sparse Gram matrix of the normal trace, 24 bytes each, beyond which displacements shared by many nodes are

@@ -1,13 +1,15 @@
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
-use super::elasticity::Elasticity;
+use super::cell_points::points_of;
+use super::elasticity::{Dilatation, Elasticity};
 use super::element::map_cell;
 use super::facet::integrate;
 use super::material::VOIGT;
 use super::nodal::CellsOf;
 use super::rigid::check_supports;
 use super::stiffness::Elements;
-use super::{FemError, Material, Mesh, PlaneModel};
+use super::{CellKind, FemError, Material, Mesh, PlaneModel};
 use crate::interface::LoadCase;
 use crate::sparse::{Matrix, Pattern};
 
@@ -28,6 +30,8 @@ pub struct ElasticSystem {
     /// The prescribed displacements, 0 at free components, and the forces due to them.
     supports: LoadCase,
     pub(super) plane: PlaneModel,
+    /// Whether quadrilaterals and hexahedra of each material have the mean dilatation.
+    pub(super) mean_dilatation: Vec<bool>,
     /// Materials, and the index of that of each cell.
     pub(super) materials: Vec<Material>,
     pub(super) material_of: Vec<usize>,
@@ -52,6 +56,29 @@ impl Elasticity {
     /// As [`assemble`](Self::assemble).
     pub fn discretize(&self) -> Result<ElasticSystem, FemError> {
         ElasticSystem::new(self)
+    }
+
+    fn has_mean_dilatation(&self, material: &Material) -> bool {
+        let compressed = self.mesh.dim() == 3 || self.plane == PlaneModel::Strain;
+        match self.dilatation {
+            Dilatation::Automatic => compressed && material.locks(),
+            Dilatation::Mean => compressed,
+            Dilatation::Pointwise => false,
+        }
+    }
+}
+
+/// Name and plural of cells, for notes.
+fn cells_of(kind: CellKind, count: usize) -> String {
+    let plural = match kind {
+        CellKind::Hexahedron => "hexahedra",
+        CellKind::Tetrahedron => "tetrahedra",
+        CellKind::Quadrilateral => "quadrilaterals",
+        _ => "triangles",
+    };
+    match count {
+        1 => format!("1 {}", kind.name()),
+        _ => format!("{count} {plural}"),
     }
 }
 
@@ -120,6 +147,7 @@ impl ElasticSystem {
             dofs,
             supports: LoadCase::default(),
             plane: body.plane,
+            mean_dilatation: all.iter().map(|m| body.has_mean_dilatation(m)).collect(),
             materials: all,
             material_of: materials,
         };
@@ -157,6 +185,62 @@ impl ElasticSystem {
                 add(row, components().enumerate().map(force).sum());
             }
         }
+    }
+
+    /// What should be known of the discretisation, in sentences: where the volumetric strain is a [mean](super::Dilatation), and where
+    /// elements lock because the material is nearly incompressible. Empty where there is nothing to say.
+    ///
+    /// ```
+    /// use semismooth::fem::{Elasticity, Material, Mesh};
+    /// let rubber = Material::isotropic(1.0, 0.499)?;
+    /// let mesh = Mesh::rectangle([0.0, 0.0], [1.0, 1.0], [2, 2])?;
+    /// let notes = |mesh: Mesh| Ok::<_, semismooth::fem::FemError>(Elasticity::new(mesh, rubber.clone()).fix("left").discretize()?.notes());
+    /// assert!(notes(mesh.clone())?[0].starts_with("4 quadrilaterals have the mean of their volumetric strain"));
+    /// assert!(notes(mesh.simplices()?)?[0].contains("lock"));
+    /// # Ok::<(), semismooth::fem::FemError>(())
+    /// ```
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        let mut counts: BTreeMap<(bool, &'static str), (CellKind, usize)> = BTreeMap::new();
+        for cell in 0..self.mesh.num_cells() {
+            let (kind, material) = (self.mesh.kind(cell), self.material_of[cell]);
+            let mean = self.mean_dilatation[material] && !kind.is_simplex();
+            if mean || self.locks(cell) {
+                counts.entry((mean, kind.name())).or_insert((kind, 0)).1 += 1;
+            }
+        }
+        let note = |((mean, _), (kind, count)): (&(bool, &str), &(CellKind, usize))| {
+            let cells = cells_of(*kind, *count);
+            match mean {
+                true => format!("{cells} have the mean of their volumetric strain over the cell (B-bar)"),
+                false => {
+                    let remedy = match kind {
+                        CellKind::Triangle => "mesh with quadrilaterals",
+                        CellKind::Tetrahedron => "mesh with hexahedra",
+                        _ => "take the mean of the volumetric strain (Dilatation::Automatic)",
+                    };
+                    format!(
+                        "{cells} of first order lock, as their Poisson's ratio is above 0.45: displacements are too small and forces too \
+                         large, by factors where it is close to 0.5; {remedy}"
+                    )
+                }
+            }
+        };
+        counts.iter().map(note).collect()
+    }
+
+    /// Number of cells that lock; see [`notes`](Self::notes).
+    #[must_use]
+    pub fn num_locking(&self) -> usize {
+        (0..self.mesh.num_cells())
+            .filter(|&cell| self.locks(cell))
+            .count()
+    }
+
+    fn locks(&self, cell: usize) -> bool {
+        let (simplex, material) = (self.mesh.kind(cell).is_simplex(), self.material_of[cell]);
+        let compressed = self.mesh.dim() == 3 || self.plane == PlaneModel::Strain;
+        compressed && (simplex || !self.mean_dilatation[material]) && self.materials[material].locks()
     }
 
     /// A: symmetric positive definite, one row a free displacement.
@@ -358,7 +442,18 @@ impl ElasticSystem {
                     }
                 }
             }
-            let strain = VOIGT.map(|[i, j]| if i == j { h[i][i] } else { h[i][j] + h[j][i] });
+            let mut strain = VOIGT.map(|[i, j]| if i == j { h[i][i] } else { h[i][j] + h[j][i] });
+            if self.mean_dilatation[self.material_of[cell]] && !kind.is_simplex() {
+                let (mut dilatation, mut volume) = (0.0, 0.0);
+                for point in points_of(kind, &corners, false) {
+                    volume += point.volume;
+                    for (&node, g) in nodes.iter().zip(&point.gradient) {
+                        dilatation += point.volume * (0..dim).map(|d| u[dim * node + d] * g[d]).sum::<f64>();
+                    }
+                }
+                let change = dilatation / volume - (h[0][0] + h[1][1] + h[2][2]);
+                strain[..3].iter_mut().for_each(|s| *s += change / 3.0);
+            }
             let material = &self.materials[self.material_of[cell]];
             if dim == 2 && self.plane == PlaneModel::Stress {
                 let c = material.plane(PlaneModel::Stress);

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use super::facet::integrate;
 use super::mesh::{by_position, cross, dot, norm};
 use super::{ElasticSystem, FemError};
+use crate::interface::LoadCase;
 use crate::sparse::Matrix;
 
 /// Message for normals that point into the body at all nodes.
@@ -103,6 +104,9 @@ pub struct ContactRows {
     pub normals: Vec<[f64; 3]>,
     /// Unit tangents: in the plane the first is ν turned by +90° (the x axis below a body on the ground), the second is 0.
     pub tangents: Vec<[[f64; 3]; 2]>,
+    /// Tangents that are held, as on a plane of symmetry: the displacement along them is prescribed as 0, their row is 0, and so is the
+    /// multiplier. Solutions are then those with that symmetry; others of the whole body are not among them.
+    pub held: Vec<[bool; 2]>,
     /// Lumped length or area: nodal force / area is the mean traction.
     pub areas: Vec<f64>,
     /// Bν, p × n.
@@ -111,6 +115,8 @@ pub struct ContactRows {
     pub tangential: Matrix,
     /// In space, the tangential trace along t₂.
     pub tangential2: Option<Matrix>,
+    /// Nodes and directions in which the rows leave out displacements that are prescribed as 0.
+    pub(super) resting: Vec<(usize, [f64; 3])>,
 }
 
 impl ContactRows {
@@ -122,20 +128,161 @@ impl ContactRows {
             gap: Vec::new(),
             normals: Vec::new(),
             tangents: Vec::new(),
+            held: Vec::new(),
             areas: Vec::new(),
             normal: nothing(),
             tangential: nothing(),
             tangential2: None,
+            resting: Vec::new(),
         }
+    }
+
+    /// Makes the matrices, normal and tangential, from their entries.
+    pub(super) fn fill(
+        &mut self,
+        system: &ElasticSystem,
+        entries: &[Vec<(usize, usize, f64)>; 3],
+    ) -> Result<(), FemError> {
+        let matrix = |k: usize| Matrix::from_triplets(self.nodes.len(), system.num_free(), &entries[k]);
+        let tangential2 = (system.mesh().dim() == 3).then(|| matrix(2)).transpose()?;
+        (self.normal, self.tangential, self.tangential2) = (matrix(0)?, matrix(1)?, tangential2);
+        Ok(())
+    }
+
+    /// Number of contact nodes with a held tangent.
+    #[must_use]
+    pub fn num_held(&self) -> usize {
+        self.held.iter().filter(|h| h.contains(&true)).count()
+    }
+
+    /// Checks that a load case leaves at rest all supports that the rows take to be so: those of [held](Self::held) tangents, and other
+    /// nodes of supports on the boundaries in contact.
+    ///
+    /// # Errors
+    /// [`FemError::ContactFixed`] with the node that moves; a load case with supports of another body.
+    pub fn check_supports(&self, system: &ElasticSystem, case: &LoadCase) -> Result<(), FemError> {
+        let (dim, moved) = (system.mesh().dim(), case.displacements());
+        let all = dim * system.mesh().num_nodes();
+        if moved.is_empty() {
+            return Ok(());
+        }
+        if moved.len() != all {
+            return Err(FemError::Length {
+                what: "the vector of displacements of the supports",
+                expected: all,
+                found: moved.len(),
+            });
+        }
+        for &(node, direction) in &self.resting {
+            let own = &moved[dim * node..dim * (node + 1)];
+            if own
+                .iter()
+                .zip(direction)
+                .any(|(u, t)| t.abs() > NOTHING && *u != 0.0)
+            {
+                return Err(FemError::ContactFixed {
+                    node,
+                    at: system.mesh().points()[node],
+                    direction: "normal or tangential",
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How the supports of a node restrict its displacement along a direction.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Along {
+    Free,
+    /// Prescribed as 0.
+    Held,
+    /// Prescribed as another value.
+    Moved,
+    /// Some components are free and others prescribed.
+    Oblique,
+}
+
+/// Components of unit vectors below this are rounding.
+pub(super) const NOTHING: f64 = 1e-14;
+
+impl ElasticSystem {
+    pub(super) fn along(&self, node: usize, direction: [f64; 3]) -> Along {
+        let used = || (0..self.mesh().dim()).filter(|&d| direction[d].abs() > NOTHING);
+        let fixed = |d: &usize| self.dof(node, *d).is_none();
+        if !used().any(|d| fixed(&d)) {
+            return Along::Free;
+        }
+        if used()
+            .filter(fixed)
+            .any(|d| self.prescribed_value(node, d) != 0.0)
+        {
+            return Along::Moved;
+        }
+        match used().all(|d| fixed(&d)) {
+            true => Along::Held,
+            false => Along::Oblique,
+        }
+    }
+
+    /// The mean normal of the facets at a node: on a plane of symmetry that of the whole body, which lies in the plane.
+    pub(super) fn symmetric_normal(&self, node: usize, sum: [f64; 3]) -> [f64; 3] {
+        let held = |d: usize| {
+            d < self.mesh().dim() && self.dof(node, d).is_none() && self.prescribed_value(node, d) == 0.0
+        };
+        std::array::from_fn(|d| if held(d) { 0.0 } else { sum[d] })
+    }
+
+    /// Adds v times the displacement of a node along a direction to row i; components prescribed as 0 are left out.
+    pub(super) fn add_entries(
+        &self,
+        (i, node, v): (usize, usize, f64),
+        direction: [f64; 3],
+        name: &'static str,
+        entries: &mut Vec<(usize, usize, f64)>,
+        resting: &mut Vec<(usize, [f64; 3])>,
+    ) -> Result<(), FemError> {
+        let mut rests = false;
+        for d in (0..self.mesh().dim()).filter(|&d| direction[d].abs() > NOTHING) {
+            match self.dof(node, d) {
+                Some(dof) => entries.push((i, dof, v * direction[d])),
+                None if self.prescribed_value(node, d) == 0.0 => rests = true,
+                None => {
+                    return Err(FemError::ContactFixed {
+                        node,
+                        at: self.mesh().points()[node],
+                        direction: name,
+                    });
+                }
+            }
+        }
+        if rests {
+            resting.push((node, direction));
+        }
+        Ok(())
     }
 }
 
 impl ElasticSystem {
     /// The nodes of a group of facets as contact nodes. Nodes with all components prescribed are left out.
     ///
+    /// Planes of symmetry: nodes whose displacement along ν is prescribed as 0 are left out, and tangents along which it is are
+    /// [held](ContactRows::held). There ν must lie in the plane, and so must each tangent, or be orthogonal to it; normals of the
+    /// boundary are those of the whole body.
+    ///
+    /// ```
+    /// use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
+    /// let mesh = Mesh::rectangle([0.0, 0.0], [1.0, 1.0], [4, 4])?;
+    /// let half = Elasticity::new(mesh, Material::isotropic(1.0, 0.3)?).fix_component("left", 0).fix("top").assemble()?;
+    /// let rows = half.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
+    /// assert_eq!((rows.nodes.len(), rows.num_held()), (5, 1));
+    /// # Ok::<(), semismooth::fem::FemError>(())
+    /// ```
+    ///
     /// # Errors
-    /// Groups that do not exist or, unless the mesh is a [part](super::Mesh::into_part), are empty or have no free nodes; nodes with some
-    /// of the components used by contact prescribed ([`FemError::ContactFixed`]), normals and tangents that are zero, not finite or
+    /// Groups that do not exist or, unless the mesh is a [part](super::Mesh::into_part), are empty or have no free nodes; nodes whose
+    /// displacement along ν or a tangent is prescribed as another value than 0 ([`FemError::ContactFixed`]) or in part
+    /// ([`FemError::ObliqueAxis`]), normals and tangents that are zero, not finite or
     /// parallel, gaps that are not finite.
     pub fn contact(&self, facets: &str, foundation: &Foundation) -> Result<ContactRows, FemError> {
         let mesh = self.mesh();
@@ -168,13 +315,21 @@ impl ElasticSystem {
         }
         let points = mesh.points();
         nodes.sort_by(|&a, &b| by_position(points[a], points[b]));
-        let p = nodes.len();
-        let mut rows = [Vec::new(), Vec::new(), Vec::new()];
-        let (mut gaps, mut normals, mut tangents) = (Vec::new(), Vec::new(), Vec::new());
+        let mut entries = [Vec::new(), Vec::new(), Vec::new()];
+        let mut rows = ContactRows::empty();
         let mut outward = false;
-        for (i, &node) in nodes.iter().enumerate() {
-            let at = points[node];
-            let nu = foundation.normal_at(at).unwrap_or(normal[node]);
+        for node in nodes {
+            let (i, at) = (rows.nodes.len(), points[node]);
+            let nu = match foundation.normal_at(at) {
+                Some(nu) => nu,
+                None => {
+                    let (sum, own) = (normal[node], self.symmetric_normal(node, normal[node]));
+                    if norm(own) <= NOTHING * norm(sum) && norm(sum) > 0.0 {
+                        continue;
+                    }
+                    own
+                }
+            };
             let nu = unit(node, dim, nu, "its normal is zero or not finite")?;
             let gap = foundation.gap_at(at);
             if !gap.is_finite() {
@@ -186,45 +341,54 @@ impl ElasticSystem {
             }
             outward |= dot(nu, normal[node]) >= 0.0;
             let frame = frame(node, dim, nu, foundation.tangent_at(at))?;
-            for (row, direction) in rows.iter_mut().zip([nu, frame[0], frame[1]]) {
-                for (d, &v) in direction.iter().enumerate().take(dim) {
-                    if v.abs() <= 1e-14 {
-                        continue;
-                    }
-                    match self.dof(node, d) {
-                        Some(dof) => row.push((i, dof, v)),
-                        None => {
-                            return Err(FemError::ContactFixed {
-                                node,
-                                at,
-                                direction: if direction == nu { "normal" } else { "tangential" },
-                            });
-                        }
-                    }
-                }
+            if self.along(node, nu) == Along::Held {
+                continue;
             }
-            gaps.push(gap);
-            normals.push(nu);
-            tangents.push(frame);
+            let mut held = [false; 2];
+            for (d, direction) in [nu, frame[0], frame[1]].into_iter().enumerate().take(dim) {
+                let name = if d == 0 { "normal" } else { "tangential" };
+                let along = self.along(node, direction);
+                if along == Along::Oblique {
+                    return Err(FemError::ObliqueAxis {
+                        node,
+                        at,
+                        direction: name,
+                    });
+                }
+                if d > 0 {
+                    held[d - 1] = along == Along::Held;
+                }
+                self.add_entries(
+                    (i, node, 1.0),
+                    direction,
+                    name,
+                    &mut entries[d],
+                    &mut rows.resting,
+                )?;
+            }
+            rows.nodes.push(node);
+            rows.points.push(at);
+            rows.areas.push(area[node]);
+            rows.gap.push(gap);
+            rows.normals.push(nu);
+            rows.tangents.push(frame);
+            rows.held.push(held);
+        }
+        let p = rows.nodes.len();
+        if p == 0 && !mesh.is_part() {
+            return Err(FemError::EmptyGroup {
+                what: "facets with a node that is free along ν",
+                name: facets.into(),
+            });
         }
         if !outward && p > 0 {
             return Err(FemError::Frame {
-                node: nodes[0],
+                node: rows.nodes[0],
                 what: INWARD.into(),
             });
         }
-        let matrix = |row: &[(usize, usize, f64)]| Matrix::from_triplets(p, self.num_free(), row);
-        Ok(ContactRows {
-            points: nodes.iter().map(|&n| points[n]).collect(),
-            areas: nodes.iter().map(|&n| area[n]).collect(),
-            gap: gaps,
-            normals,
-            tangents,
-            normal: matrix(&rows[0])?,
-            tangential: matrix(&rows[1])?,
-            tangential2: (dim == 3).then(|| matrix(&rows[2])).transpose()?,
-            nodes,
-        })
+        rows.fill(self, &entries)?;
+        Ok(rows)
     }
 }
 

@@ -2,6 +2,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::{Material, Mesh, PlaneModel};
+use crate::words::named;
 
 type Field = Arc<dyn Fn([f64; 3]) -> f64 + Send + Sync>;
 
@@ -24,6 +25,44 @@ impl fmt::Debug for Support {
     }
 }
 
+/// How quadrilaterals and hexahedra integrate the volumetric strain.
+///
+/// Materials that are nearly incompressible lock at full integration: a bonded block with ν = 0.4999 on a mesh of 8 cells is four times
+/// too stiff. The mean over the cell (B-bar: T. J. R. Hughes, Int. J. Numer. Methods Eng. 15 (1980)) asks for one constraint a cell. It
+/// changes nothing in triangles and tetrahedra, whose strains are constant: these lock, as [`ElasticSystem::notes`](super::ElasticSystem::notes)
+/// says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum Dilatation {
+    /// The mean where Poisson's ratio is above 0.45 (of anisotropic materials that of their isotropic mean), pointwise elsewhere and in
+    /// plane stress.
+    #[default]
+    Automatic,
+    /// At each point of integration.
+    Pointwise,
+    /// The mean over each cell; pointwise in plane stress.
+    Mean,
+}
+
+named!(
+    Dilatation,
+    "dilatation",
+    [Self::Automatic, Self::Pointwise, Self::Mean]
+);
+
+impl Dilatation {
+    /// "automatic", "pointwise" or "mean".
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Automatic => "automatic",
+            Self::Pointwise => "pointwise",
+            Self::Mean => "mean",
+        }
+    }
+}
+
 /// A linearly elastic body: mesh, materials, supports.
 ///
 /// ```
@@ -43,6 +82,7 @@ pub struct Elasticity {
     pub(super) material: Material,
     pub(super) by_group: Vec<(String, Material)>,
     pub(super) plane: PlaneModel,
+    pub(super) dilatation: Dilatation,
     pub(super) supports: Vec<Support>,
 }
 
@@ -55,6 +95,7 @@ impl Elasticity {
             material,
             by_group: Vec::new(),
             plane: PlaneModel::default(),
+            dilatation: Dilatation::default(),
             supports: Vec::new(),
         }
     }
@@ -63,6 +104,13 @@ impl Elasticity {
     #[must_use]
     pub fn with_plane_model(mut self, plane: PlaneModel) -> Self {
         self.plane = plane;
+        self
+    }
+
+    /// Sets how quadrilaterals and hexahedra integrate the volumetric strain.
+    #[must_use]
+    pub fn with_dilatation(mut self, dilatation: Dilatation) -> Self {
+        self.dilatation = dilatation;
         self
     }
 

@@ -199,12 +199,44 @@ pub enum FemError {
         /// The first node of the unsupported part.
         node: usize,
     },
-    /// A contact node whose displacement is prescribed in the normal direction or in a tangential one.
+    /// A contact node whose displacement is prescribed, as another value than 0, in the normal direction or in a tangential one.
     #[error(
-        "contact node {node} at ({}, {}, {}): its {direction} displacement is prescribed, so that its contact force is not determined; take it out of the contact group",
+        "contact node {node} at ({}, {}, {}): its {direction} displacement is prescribed as another value than 0, so that its contact force is not determined; leave the facets at this node out of the contact group, or the support there at rest",
         .at[0], .at[1], .at[2]
     )]
     ContactFixed {
+        /// The node.
+        node: usize,
+        /// Its position.
+        at: [f64; 3],
+        /// "normal", "tangential", or either.
+        direction: &'static str,
+    },
+    /// Two boundaries of which no part lies opposite the other.
+    #[error(
+        "no facet of \"{master}\" lies opposite a free node of \"{slave}\": their outward normals must point against each other, along the normals of \"{slave}\", within the reach if one is given"
+    )]
+    NoneOpposite {
+        /// The group with the multipliers.
+        slave: String,
+        /// The other group.
+        master: String,
+    },
+    /// A slave facet that faces two layers of the master.
+    #[error(
+        "the facet around ({}, {}, {}) faces several parts of the other boundary, one behind another; set a reach",
+        .at[0], .at[1], .at[2]
+    )]
+    CoveredTwice {
+        /// Its centre.
+        at: [f64; 3],
+    },
+    /// An axis of a contact node that is oblique to a plane of symmetry.
+    #[error(
+        "contact node {node} at ({}, {}, {}): its {direction} axis is oblique to a component that is prescribed as 0; on a plane of symmetry the normal must lie in the plane, and each tangent in it or at right angles to it, because the mirror image has the same law of friction",
+        .at[0], .at[1], .at[2]
+    )]
+    ObliqueAxis {
         /// The node.
         node: usize,
         /// Its position.

@@ -29,6 +29,10 @@ impl PlaneModel {
 
 named!(PlaneModel, "model of a plane body", [Self::Strain, Self::Stress]);
 
+/// Poisson's ratio above which elements of first order lock noticeably: at 0.49 a bonded block on a mesh of 8 cells is 7 % too stiff with
+/// quadrilaterals and 13 % with triangles, at 0.3 it is 0.3 %.
+const LOCKING: f64 = 0.45;
+
 /// A linearly elastic material.
 ///
 /// ```
@@ -73,6 +77,20 @@ impl TryFrom<Unchecked> for Material {
 }
 
 impl Material {
+    /// Whether elements of first order lock; of anisotropic materials that is judged by the mean over all orientations.
+    pub(super) fn locks(&self) -> bool {
+        let c = &self.matrix;
+        let normal = c[0][0] + c[1][1] + c[2][2];
+        let mixed = c[0][1] + c[1][2] + c[0][2];
+        let shear = c[3][3] + c[4][4] + c[5][5];
+        let (bulk, shear) = (
+            (normal + 2.0 * mixed) / 9.0,
+            (normal - mixed + 3.0 * shear) / 15.0,
+        );
+        let poisson = (3.0 * bulk - 2.0 * shear) / (6.0 * bulk + 2.0 * shear);
+        poisson > LOCKING
+    }
+
     /// Young's modulus E > 0 and Poisson's ratio −1 < ν < ½.
     ///
     /// # Errors

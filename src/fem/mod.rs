@@ -3,10 +3,11 @@
 //! A [`Mesh`] of triangles, quadrilaterals, tetrahedra or hexahedra comes from a generator ([`Mesh::rectangle`], [`Mesh::block`]), a file
 //! ([`read_gmsh`], [`read_getfem`]) or your own arrays; [`Elasticity`] holds materials and supports and assembles an [`ElasticSystem`]: the
 //! stiffness matrix of the free displacements, loads, and [`ContactRows`], the normal and tangential traces of the nodes that may touch a
-//! rigid foundation. [`PlasticBody`] is a body of [`VonMises`] material under a history of loads. Units are the caller's: metres and GPa
+//! rigid foundation or [each other](ElasticSystem::contact_between). [`PlasticBody`] is a body of [`VonMises`] material under a history of loads. Units are the caller's: metres and GPa
 //! give nodal forces in GN (per metre of depth in the plane).
 
 mod assembly;
+mod cell_points;
 mod contact;
 mod elasticity;
 mod element;
@@ -19,8 +20,10 @@ mod getfem;
 mod gmsh;
 mod material;
 mod mesh;
+mod mortar;
 mod multipliers;
 mod nodal;
+mod overlap;
 mod plastic;
 mod refine;
 mod rigid;
@@ -31,13 +34,14 @@ mod von_mises;
 
 pub use assembly::ElasticSystem;
 pub use contact::{ContactRows, Foundation};
-pub use elasticity::Elasticity;
+pub use elasticity::{Dilatation, Elasticity};
 pub use element::CellKind;
 pub use error::FemError;
 pub use getfem::{parse_getfem, read_getfem};
 pub use gmsh::{parse_gmsh, read_gmsh};
 pub use material::{Material, PlaneModel};
 pub use mesh::{BoundaryFacet, Mesh};
+pub use mortar::Mortar;
 pub use multipliers::MultiplierSpace;
 pub use plastic::{PlasticBody, PlasticEnergies};
 pub use trace::TraceSpace;

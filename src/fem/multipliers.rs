@@ -4,7 +4,6 @@ use super::contact::{INWARD, frame, unit};
 use super::facet::integrate_parts;
 use super::mesh::{by_position, dot, norm};
 use super::{ContactRows, ElasticSystem, FemError, Foundation};
-use crate::sparse::Matrix;
 
 /// The space in which contact forces are sought (Haslinger, Kučera, Vlach 2008).
 ///
@@ -67,7 +66,6 @@ impl ElasticSystem {
         }
         let dim = self.mesh().dim();
         let points = self.mesh().points();
-        let p = patches.len();
         let mut entries = [Vec::new(), Vec::new(), Vec::new()];
         let mut rows = ContactRows::empty();
         let mut outward = false;
@@ -82,21 +80,11 @@ impl ElasticSystem {
             let nu = unit(node, dim, nu, "its normal is zero or not finite")?;
             outward |= dot(nu, patch.normal) >= 0.0;
             let tangents = frame(node, dim, nu, foundation.tangent_at(centre))?;
-            for (list, direction) in entries.iter_mut().zip([nu, tangents[0], tangents[1]]) {
+            for (d, direction) in [nu, tangents[0], tangents[1]].into_iter().enumerate().take(dim) {
+                let name = if d == 0 { "normal" } else { "tangential" };
                 for (&node, integral) in &patch.nodes {
-                    for d in (0..dim).filter(|&d| direction[d].abs() > 1e-14) {
-                        match self.dof(node, d) {
-                            Some(dof) => list.push((i, dof, direction[d] * integral / patch.area)),
-                            None if self.prescribed_value(node, d) == 0.0 => {}
-                            None => {
-                                return Err(FemError::ContactFixed {
-                                    node,
-                                    at: points[node],
-                                    direction: if direction == nu { "normal" } else { "tangential" },
-                                });
-                            }
-                        }
-                    }
+                    let entry = (i, node, integral / patch.area);
+                    self.add_entries(entry, direction, name, &mut entries[d], &mut rows.resting)?;
                 }
             }
             rows.nodes.push(node);
@@ -104,6 +92,8 @@ impl ElasticSystem {
             rows.gap.push(patch.gap / patch.area);
             rows.normals.push(nu);
             rows.tangents.push(tangents);
+            // Means over patches with nodes at rest: the rows of the others remain.
+            rows.held.push([false; 2]);
             rows.areas.push(patch.area);
         }
         if !outward {
@@ -112,10 +102,7 @@ impl ElasticSystem {
                 what: INWARD.into(),
             });
         }
-        let matrix = |list: &[(usize, usize, f64)]| Matrix::from_triplets(p, self.num_free(), list);
-        rows.normal = matrix(&entries[0])?;
-        rows.tangential = matrix(&entries[1])?;
-        rows.tangential2 = (dim == 3).then(|| matrix(&entries[2])).transpose()?;
+        rows.fill(self, &entries)?;
         Ok(rows)
     }
 

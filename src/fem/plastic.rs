@@ -1,6 +1,5 @@
 use super::assembly::{PRESCRIBED, pattern};
-use super::element::{MAX_NODES, map_cell};
-use super::material::VOIGT;
+use super::cell_points::{Point, points_of};
 use super::{ElasticSystem, Elasticity, FemError, PlaneModel, PlasticResponse, PlasticState, VonMises};
 use crate::piecewise::{Semismooth, check_vector};
 use crate::sparse::{Matrix, Pattern};
@@ -50,17 +49,6 @@ pub struct PlasticBody {
     pattern: Pattern,
 }
 
-/// A quadrature point.
-#[derive(Debug, Clone, Copy)]
-struct Point {
-    /// Its volume (weight times Jacobian determinant).
-    volume: f64,
-    /// Gradients of the shape functions.
-    gradient: [[f64; 3]; MAX_NODES],
-    /// A third of the correction of each gradient by the mean over the cell.
-    mean: [[f64; 3]; MAX_NODES],
-}
-
 /// Energies of a [`PlasticBody`], per unit of depth in the plane.
 ///
 /// The work of the loads at the end of a step, f · Δu, is the change of the stored energies plus the dissipation and
@@ -100,7 +88,8 @@ impl PlasticBody {
         let mut points = Vec::new();
         let mut first = vec![0];
         for cell in 0..mesh.num_cells() {
-            points.extend(points_of(&system, cell));
+            let kind = mesh.kind(cell);
+            points.extend(points_of(kind, &mesh.corners(cell), !kind.is_simplex()));
             first.push(points.len());
         }
         Ok(Self {
@@ -277,59 +266,6 @@ impl Semismooth for PlasticBody {
     fn pattern(&self) -> Pattern {
         self.pattern.clone()
     }
-}
-
-impl Point {
-    /// The strain under a unit displacement of a node of the cell.
-    fn column(&self, node: usize, component: usize) -> [f64; 6] {
-        let mut column = [0.0; 6];
-        for (s, [i, j]) in VOIGT.into_iter().enumerate() {
-            if i == component {
-                column[s] = self.gradient[node][j];
-            } else if j == component {
-                column[s] = self.gradient[node][i];
-            }
-            if i == j {
-                column[s] += self.mean[node][component];
-            }
-        }
-        column
-    }
-}
-
-/// The quadrature points of a cell, one of a simplex.
-fn points_of(system: &ElasticSystem, cell: usize) -> Vec<Point> {
-    let kind = system.mesh.kind(cell);
-    let (corners, nodes) = (system.mesh.corners(cell), kind.num_nodes());
-    let mut quadrature = kind.quadrature();
-    if kind.is_simplex() {
-        quadrature[0].1 = quadrature.iter().map(|p| p.1).sum();
-        quadrature.truncate(1);
-    }
-    let mut points: Vec<Point> = quadrature
-        .into_iter()
-        .map(|(at, weight)| {
-            let (_, gradient, det) = map_cell(kind, &corners[..nodes], at);
-            Point {
-                volume: weight * det,
-                gradient,
-                mean: [[0.0; 3]; MAX_NODES],
-            }
-        })
-        .collect();
-    let volume: f64 = points.iter().map(|p| p.volume).sum();
-    let mut mean = [[0.0; 3]; MAX_NODES];
-    for point in &points {
-        for (mean, gradient) in mean.iter_mut().zip(&point.gradient) {
-            (0..3).for_each(|d| mean[d] += point.volume / volume * gradient[d]);
-        }
-    }
-    for point in points.iter_mut().filter(|_| !kind.is_simplex()) {
-        for (a, mean) in mean.iter().enumerate() {
-            point.mean[a] = std::array::from_fn(|d| (mean[d] - point.gradient[a][d]) / 3.0);
-        }
-    }
-    points
 }
 
 fn replace(what: &'static str, old: &mut [f64], new: &[f64]) -> Result<(), FemError> {

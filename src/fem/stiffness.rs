@@ -1,5 +1,6 @@
 //! Stiffness of cells.
 
+use super::cell_points::points_of;
 use super::element::{CellKind, MAX_NODES, map_cell};
 use super::material::VOIGT;
 use super::{ElasticSystem, Material, PlaneModel};
@@ -57,6 +58,12 @@ impl<'a> Elements<'a> {
             self.other.compute(kind, &corners, tensor);
             return &self.other;
         }
+        let mean = self.system.mean_dilatation[material];
+        let solid = self.system.materials[material].solid();
+        let compute = |element: &mut ElementMatrix| match mean {
+            true => element.compute_mean(kind, &corners, &solid),
+            false => element.compute(kind, &corners, tensor),
+        };
         let shape = Shape {
             kind,
             material,
@@ -67,11 +74,11 @@ impl<'a> Elements<'a> {
         }
         let (known, element) = self.known[shape.place()].get_or_insert_with(|| {
             let mut element = ElementMatrix::default();
-            element.compute(kind, &corners, tensor);
+            compute(&mut element);
             (shape, element)
         });
         if *known != shape {
-            element.compute(kind, &corners, tensor);
+            compute(element);
             *known = shape;
         }
         element
@@ -106,11 +113,41 @@ impl ElementMatrix {
         self.values[col * self.order + row]
     }
 
+    fn clear(&mut self, order: usize) {
+        self.order = order;
+        self.values.clear();
+        self.values.resize(order * order, 0.0);
+    }
+
+    /// With the mean dilatation: plane bodies are in plane strain, with ε₃₃ as the mean makes it.
+    fn compute_mean(&mut self, kind: CellKind, corners: &[[f64; 3]; MAX_NODES], solid: &[[f64; 6]; 6]) {
+        let dim = kind.dim();
+        self.clear(dim * kind.num_nodes());
+        for point in points_of(kind, corners, true) {
+            for col in 0..self.order {
+                let strain = point.column(col / dim, col % dim);
+                let stress = solid.map(|row| point.volume * (0..6).map(|s| row[s] * strain[s]).sum::<f64>());
+                for row in 0..=col {
+                    let own = point.column(row / dim, row % dim);
+                    self.values[col * self.order + row] += (0..6).map(|s| own[s] * stress[s]).sum::<f64>();
+                }
+            }
+        }
+        self.mirror();
+    }
+
+    /// Copies one triangle to the other, so that the sum is symmetric to the last bit.
+    fn mirror(&mut self) {
+        for col in 0..self.order {
+            for row in 0..col {
+                self.values[row * self.order + col] = self.values[col * self.order + row];
+            }
+        }
+    }
+
     fn compute(&mut self, kind: CellKind, corners: &[[f64; 3]; MAX_NODES], tensor: &Tensor) {
         let (dim, n) = (kind.dim(), kind.num_nodes());
-        self.order = dim * n;
-        self.values.clear();
-        self.values.resize(self.order * self.order, 0.0);
+        self.clear(dim * n);
         let mut points = kind.quadrature();
         if kind.is_simplex() {
             let total = points.iter().map(|p| p.1).sum();
@@ -153,11 +190,6 @@ impl ElementMatrix {
                 }
             }
         }
-        // Copied from the other triangle, so that the sum is symmetric to the last bit.
-        for col in 0..self.order {
-            for row in 0..col {
-                self.values[row * self.order + col] = self.values[col * self.order + row];
-            }
-        }
+        self.mirror();
     }
 }

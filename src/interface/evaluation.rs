@@ -127,7 +127,7 @@ impl Parts<'_> {
         match self.reduced {
             None => {
                 for k in 0..q {
-                    s.z[k] = self.operator.trace(k).map(|(j, b)| b * x[j]).sum();
+                    s.z[k] = self.operator.trace_at(k, x);
                 }
             }
             Some(_) if same_bits(&s.at, x) => return,
@@ -162,7 +162,7 @@ impl Parts<'_> {
         match self.reduced {
             None => {
                 for k in 0..q {
-                    s.dz[k] = self.operator.trace(k).map(|(j, b)| b * d[j]).sum();
+                    s.dz[k] = self.operator.trace_at(k, d);
                 }
             }
             Some(reduced) => {
@@ -273,7 +273,10 @@ impl Parts<'_> {
         gradient[first..].copy_from_slice(&s.dz[q..]);
         for (k, &g) in s.dz[..q].iter().enumerate().filter(|g| *g.1 != 0.0) {
             match self.reduced {
-                None => self.operator.trace(k).for_each(|(j, b)| gradient[j] += g * b),
+                None => {
+                    self.operator.trace(k).for_each(|(j, b)| gradient[j] += g * b);
+                    gradient[first + k] -= g * self.operator.yielding(k);
+                }
                 Some(reduced) => {
                     add(-g, reduced.row(k), &mut gradient[..q]);
                     for slot in 0..self.num_parameters {
@@ -306,6 +309,9 @@ impl Parts<'_> {
         } else {
             for (j, b) in self.operator.trace(k) {
                 jac.add(first + i, j, c * b);
+            }
+            if self.operator.yielding(k) != 0.0 {
+                jac.add(first + i, first + k, -c * self.operator.yielding(k));
             }
         }
     }

@@ -5,7 +5,6 @@ use super::view::View;
 use super::{Interface, LoadPath};
 use crate::exact::{Dictionary, Exact, Place, passive_bounds};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPieces, ExactSite, PiecewiseSmooth};
-use crate::sparse::Matrix;
 
 /// Largest number of displacements for which the compliance is computed exactly from the stiffness; beyond it, the stored compliance is
 /// taken as exact.
@@ -22,7 +21,8 @@ struct ExactTraces {
 
 impl ExactTraces {
     /// From A u + Bᵀ λ = f₀ + α f₁, where that is small.
-    fn of_stiffness(a: &Matrix, b_t: &Matrix, load: [&[f64]; 2]) -> Option<Self> {
+    fn of_stiffness(operator: &Operator, load: [&[f64]; 2]) -> Option<Self> {
+        let (a, b_t) = (&operator.a, &operator.b_t);
         let (n, q) = (a.nrows(), b_t.ncols());
         if n > MAX_EXACT {
             return None;
@@ -65,11 +65,12 @@ impl ExactTraces {
                 *sum = &*sum + &(&v * u);
             }
         }
-        Some(Self {
-            traces,
-            all,
-            factor: Exact::of(table.denominator().clone(), 0),
-        })
+        let factor = Exact::of(table.denominator().clone(), 0);
+        for (k, trace) in traces.iter_mut().enumerate() {
+            let own = &factor * &Exact::new(operator.yielding(k))?;
+            trace[2 + k] = &trace[2 + k] + &-&own;
+        }
+        Some(Self { traces, all, factor })
     }
 
     /// From the stored compliance and free motion: `row(k)` is row k of C.
@@ -210,6 +211,9 @@ fn full_conditions(
         add(&mut common[j].coefficients[n + k], v)?;
         add(&mut traces[k].coefficients[j], v)?;
     }
+    for (k, trace) in traces.iter_mut().enumerate() {
+        add(&mut trace.coefficients[n + k], -operator.yielding(k))?;
+    }
     let expanded = |form: &ExactForm| {
         let (of_traces, multipliers) = form.coefficients.split_at(q);
         let mut sum = ExactForm::zero(unknowns);
@@ -221,7 +225,7 @@ fn full_conditions(
     let sites = changed(&own.sites, n, expanded);
     common.extend(own.common.iter().map(expanded));
     let bounds = || {
-        let traces = ExactTraces::of_stiffness(&operator.a, &operator.b_t, load)?;
+        let traces = ExactTraces::of_stiffness(operator, load)?;
         let forces = condensed_conditions(law, alpha, own, q, &traces)?.bounds;
         let mut bounds = traces.displacement_bounds(alpha, &forces)?;
         bounds.extend(forces);
@@ -260,7 +264,7 @@ impl<V: View, G: PiecewiseSmooth> ExactPieces for Interface<V, G> {
         let Some(reduced) = self.view.reduced() else {
             return full_conditions(&self.operator, law, alpha, &own, load);
         };
-        let of_body = ExactTraces::of_stiffness(&self.operator.a, &self.operator.b_t, load);
+        let of_body = ExactTraces::of_stiffness(&self.operator, load);
         let stored = || {
             let (free, rate) = reduced.line()?;
             ExactTraces::stored(|k| reduced.row(k), free, &rate)

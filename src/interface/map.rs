@@ -431,6 +431,9 @@ fn full_pattern(operator: &Operator, law: &Pattern) -> Pattern {
         for &i in &law.row_idx()[law.col_ptr()[k]..law.col_ptr()[k + 1]] {
             if k < q {
                 entries.extend(operator.trace(k).map(|(j, _)| (n + i, j)));
+                if operator.yielding(k) != 0.0 {
+                    entries.push((n + i, n + k));
+                }
             } else {
                 entries.push((n + i, n + k - q));
             }

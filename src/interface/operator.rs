@@ -11,6 +11,8 @@ pub(crate) struct Operator {
     /// Bᵀ: column k belongs to the trace v_k.
     pub(crate) b_t: Arc<Matrix>,
     pub(crate) load: LoadPath,
+    /// d ≥ 0 for each trace, or empty for zeros: the law receives v = B u − d λ, as if each trace had a spring of its own.
+    pub(crate) yielding: Vec<f64>,
     /// Typical sizes of u, λ and α.
     pub(super) sizes: Option<[f64; 3]>,
 }
@@ -28,6 +30,7 @@ impl Operator {
             a: Arc::new(a),
             b_t: Arc::new(b.transpose()),
             load,
+            yielding: Vec::new(),
             sizes: None,
         };
         operator.set_sizes(&[]);
@@ -56,6 +59,21 @@ impl Operator {
     /// f at these parameters.
     pub(crate) fn load_at(&self, parameters: &[f64]) -> Vec<f64> {
         self.load.at(parameters, self.num_displacements())
+    }
+
+    /// d of a trace.
+    #[inline]
+    pub(super) fn yielding(&self, k: usize) -> f64 {
+        self.yielding.get(k).copied().unwrap_or(0.0)
+    }
+
+    /// v_k = (B u)_k − d_k λ_k from x = (u, λ, …).
+    pub(super) fn trace_at(&self, k: usize, x: &[f64]) -> f64 {
+        let moved: f64 = self.trace(k).map(|(j, b)| b * x[j]).sum();
+        match self.yielding(k) {
+            0.0 => moved,
+            d => moved - d * x[self.num_displacements() + k],
+        }
     }
 
     /// The entries of column k of Bᵀ.

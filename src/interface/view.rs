@@ -61,7 +61,8 @@ impl CondensedView {
 
     /// [`new`](Self::new), or [`LinearError::Interrupted`] at the time limit.
     pub(crate) fn within(operator: &Operator, until: Until) -> Result<Self, LinearError> {
-        let condensation = Condensation::within(&operator.a, &operator.b_t.transpose(), until)?;
+        let mut condensation = Condensation::within(&operator.a, &operator.b_t.transpose(), until)?;
+        condensation.add_to_diagonal(&operator.yielding);
         Self::with(Arc::new(condensation), &operator.load)
     }
 

@@ -115,6 +115,14 @@ impl Condensation {
         &self.compliance
     }
 
+    /// Adds to the diagonal of C: the compliance of springs between the traces of the body and those of the law.
+    pub(crate) fn add_to_diagonal(&mut self, springs: &[f64]) {
+        let q = self.compliance.nrows();
+        for (k, d) in springs.iter().enumerate().take(q) {
+            self.compliance.values_mut()[k * q + k] += d;
+        }
+    }
+
     /// ln det A.
     #[must_use]
     pub fn log_det(&self) -> f64 {

@@ -1,9 +1,10 @@
 use std::path::Path;
 
 use semismooth::fem::{
-    CellKind, Elasticity, Foundation, Material, Mesh, MultiplierSpace, PlaneModel, PlasticBody, TraceSpace,
-    VonMises, parse_getfem, parse_gmsh, read_getfem, read_gmsh,
+    CellKind, Elasticity, Foundation, Material, Mesh, Mortar, MultiplierSpace, PlaneModel, PlasticBody,
+    TraceSpace, VonMises, parse_getfem, parse_gmsh, read_getfem, read_gmsh,
 };
+use semismooth::interface::LoadCase;
 
 use super::table::{BAD, NOT_POSITIVE, Table};
 
@@ -378,6 +379,12 @@ fn bodies(t: &mut Table) {
         t.refuses("fem::ElasticSystem::contact", "a plane", "", || {
             system.contact("bottom", &Foundation::plane([0.0, bad, 0.0], [0.0, 1.0, 0.0]))
         });
+        t.refuses("fem::ElasticSystem::contact_between", "a gap", "", || {
+            system.contact_between("bottom", "top", &Mortar::default().with_gap(move |_| bad))
+        });
+        t.refuses("fem::ElasticSystem::contact_between", "a reach", "", || {
+            system.contact_between("bottom", "top", &Mortar::default().with_reach(bad.min(0.0)))
+        });
         t.survives("fem::ElasticSystem::contact", "a tangent", || {
             system.contact(
                 "bottom",
@@ -421,6 +428,16 @@ fn bodies(t: &mut Table) {
         });
         t.refuses("fem::ElasticSystem::contact_with", group, group, || {
             system.contact_with(group, &Foundation::gap(|_| 0.0), MultiplierSpace::DualCells)
+        });
+        t.refuses("fem::ElasticSystem::contact_between", group, group, || {
+            system.contact_between("bottom", group, &Mortar::default())
+        });
+        t.refuses("fem::ContactRows::check_supports", group, "", || {
+            let rows = system.contact("bottom", &Foundation::gap(|_| 0.0))?;
+            rows.check_supports(
+                &system,
+                &LoadCase::of_supports(vec![1.0], vec![0.0], vec![0.0]).unwrap(),
+            )
         });
         t.refuses("fem::TraceSpace::new", group, group, || {
             TraceSpace::new(system.mesh(), group, None).map(drop)

@@ -27,5 +27,7 @@ mod routes;
 mod scale_of_r;
 mod scaling;
 mod supports;
+mod symmetry;
 mod touching;
+mod two_bodies;
 mod uniqueness_constants;

@@ -1,5 +1,6 @@
 //! Finite elements: patch tests, observed orders, rigid motions, refinement, bad input, plasticity.
 
+mod dilatation;
 mod integrals;
 mod plastic;
 #[path = "../common/random.rs"]
@@ -565,15 +566,22 @@ fn bad_input() {
         let error = system.contact_with("bottom", &turned, multipliers).unwrap_err();
         assert!(error.to_string().contains("points into the body"), "{error}");
     }
-    let sliding = Elasticity::new(square(), steel())
-        .fix("top")
-        .fix_component("left", 0)
-        .assemble()
-        .unwrap();
+    // A support that moves along the tangent, and axes oblique to a component that is held.
+    let sliding = |value: f64| {
+        let body = Elasticity::new(square(), steel()).fix("top");
+        body.prescribe("left", 0, move |_| value).assemble().unwrap()
+    };
     assert!(matches!(
-        sliding.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0])),
+        sliding(0.1).contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0])),
         Err(FemError::ContactFixed {
             direction: "tangential",
+            ..
+        })
+    ));
+    assert!(matches!(
+        sliding(0.0).contact("bottom", &Foundation::plane([0.0; 3], [0.6, 0.8, 0.0])),
+        Err(FemError::ObliqueAxis {
+            direction: "normal",
             ..
         })
     ));

@@ -506,3 +506,83 @@ fn shells_and_manuals_know_the_commands() {
     let message = refused(&folder, &["contact", "-AMPL"]);
     assert!(message.contains("contact.nl"), "{message}");
 }
+
+/// Two squares in one Gmsh file, with one edge of the upper and two of the lower at their interface. Rollers at the left, where the
+/// interface ends, leave a uniform stress σ = E ε/(1 − ν²).
+#[test]
+fn two_bodies_from_one_mesh_press_each_other() {
+    let folder = folder("two_bodies");
+    let points = [
+        (0, 1),
+        (2, 1),
+        (2, 2),
+        (0, 2),
+        (0, 0),
+        (1, 0),
+        (2, 0),
+        (0, 1),
+        (1, 1),
+        (2, 1),
+    ];
+    let mut text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n6\n".to_owned();
+    for (number, name) in ["upper", "lower", "top", "base", "left"].iter().enumerate() {
+        text += &format!("1 {} \"{name}\"\n", number + 1);
+    }
+    text += "2 6 \"all\"\n$EndPhysicalNames\n$Nodes\n10\n";
+    for (k, (x, y)) in points.iter().enumerate() {
+        text += &format!("{} {x} {y} 0\n", k + 1);
+    }
+    let edges = [
+        (1, 1, 2),
+        (2, 9, 8),
+        (2, 10, 9),
+        (3, 3, 4),
+        (4, 5, 6),
+        (4, 6, 7),
+        (5, 4, 1),
+        (5, 8, 5),
+    ];
+    text += "$EndNodes\n$Elements\n11\n";
+    for (k, (group, a, b)) in edges.iter().enumerate() {
+        text += &format!("{} 1 2 {group} {group} {a} {b}\n", k + 1);
+    }
+    text += "9 3 2 6 6 1 2 3 4\n10 3 2 6 6 5 6 9 8\n11 3 2 6 6 6 7 10 9\n$EndElements\n";
+    std::fs::write(folder.join("two.msh"), text).unwrap();
+    let roller = |facets: &str, component: &str| {
+        format!("[[support]]\nfacets = \"{facets}\"\ncomponents = [\"{component}\"]\n\n")
+    };
+    let supports = format!("{}{}[contact]\n", roller("base", "y"), roller("left", "x"));
+    run_file(
+        &folder,
+        &[
+            (
+                "block = { lower = [0.0, 0.0], upper = [2.0, 1.0], cells = [16, 8] }",
+                "file = \"two.msh\"",
+            ),
+            (
+                "# components = [\"x\", \"y\"]       # all\nvalue = [0.0, -0.02]",
+                "components = [\"y\"]\nvalue = [-0.02]",
+            ),
+            ("grows = [0.05, 0.0]", "grows = [-0.02]"),
+            ("[contact]\n", &supports),
+            ("facets = \"bottom\"", "facets = \"upper\"\nagainst = \"lower\""),
+            ("point = [0.0, 0.0]\nnormal = [0.0, 1.0]\n", ""),
+            (
+                "levels = [0.0, 0.25, 0.5, 0.75, 1.0, 0.5, 0.0, -0.5, -1.0]",
+                "levels = [0.0, 1.0]",
+            ),
+        ],
+    );
+    let text = printed(&folder, &["contact", "run.toml"]);
+    assert!(
+        text.starts_with(
+            "tangents held at 1 contact node, as on planes of symmetry: symmetric solutions only\n"
+        ),
+        "{text}"
+    );
+    let rows = table(&folder.join("out/history.csv"));
+    let column = rows[0].iter().position(|n| n == "normal force").unwrap();
+    let force: f64 = rows.last().unwrap()[column].parse().unwrap();
+    let exact = 2.0 * 0.02 / (1.0 - 0.3 * 0.3);
+    assert!((force - exact).abs() < 1e-9, "{force} {exact}");
+}

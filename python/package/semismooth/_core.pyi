@@ -34,6 +34,7 @@ __all__ = [
     "Material",
     "McpResult",
     "Mesh",
+    "Mortar",
     "SemismoothError",
     "Solution",
     "SolutionSet",
@@ -723,7 +724,10 @@ class Body:
         supports: dict[str, _Number | Sequence[_Number | None] | _Vector],
         materials: dict[str, Material] | None = None,
         plane: Literal["strain", "stress"] = "strain",
+        dilatation: Literal["automatic", "pointwise", "mean"] = "automatic",
     ) -> Body: ...
+    @property
+    def notes(self) -> list[str]: ...
     @property
     def mesh(self) -> Mesh: ...
     @property
@@ -740,6 +744,12 @@ class Foundation:
     def plane(point: ArrayLike, normal: ArrayLike, *, tangent: _Field | None = None) -> Foundation: ...
     @staticmethod
     def gap(gap: _Number, *, normal: _Field | None = None, tangent: _Field | None = None) -> Foundation: ...
+
+@final
+class Mortar:
+    def __new__(
+        cls, facets: str, *, gap: _Number | None = None, tangent: _Field | None = None, reach: float | None = None
+    ) -> Mortar: ...
 
 @final
 class Friction:
@@ -783,7 +793,7 @@ class ContactProblem:
         cls,
         body: Body,
         facets: str,
-        foundation: Foundation,
+        foundation: Foundation | str | Mortar,
         friction: _Coefficient | tuple[_Coefficient, _Coefficient] | GivenBound | None,
         *,
         load: Load | None = None,
@@ -811,6 +821,8 @@ class ContactProblem:
     def areas(self) -> _Vector: ...
     @property
     def gaps(self) -> _Vector: ...
+    @property
+    def held(self) -> NDArray[np.bool_]: ...
     def solve(
         self,
         parameter: float = 0.0,

@@ -19,12 +19,15 @@ pub struct ReducedBody {
     /// The node of each contact node, and its frame: rows ν, t₁, t₂.
     pub(super) contacts: Vec<usize>,
     frames: Vec<[[f64; 3]; 3]>,
+    /// Directions of the frames that are held, as bits; their components are prescribed.
+    held: Vec<u8>,
     pub(super) load: LoadPath,
     pub(super) gap: Vec<f64>,
 }
 
 impl ReducedBody {
-    /// A body with its normal trace, one tangential trace in the plane or two in space (p × n each), and a load; gap 0.
+    /// A body with its normal trace, one tangential trace in the plane or two in space (p × n each), and a load; gap 0. Rows of zeros of
+    /// tangential traces belong to components that are prescribed; see [`ContactBody::new`].
     ///
     /// # Errors
     /// Wrong shapes, entries that are not finite, no contact nodes; traces that are not nodal and orthonormal
@@ -63,6 +66,17 @@ impl ReducedBody {
                 frames[i][d][place % dim] += v;
             }
         }
+        let mut prescribed = vec![true; dim * stiffness.num_nodes()];
+        for place in stiffness.places() {
+            prescribed[*place as usize] = false;
+        }
+        let complete =
+            |(&node, frame): (&usize, &mut _)| complete(dim, frame, |k| prescribed[dim * node + k]);
+        let held: Vec<u8> = contacts
+            .iter()
+            .zip(&mut frames)
+            .map(|c| if *c.0 == usize::MAX { 0 } else { complete(c) })
+            .collect();
         let mut taken = vec![false; stiffness.num_nodes()];
         for (i, (node, frame)) in contacts.iter().zip(&frames).enumerate() {
             if !is_orthonormal(frame, dim) {
@@ -99,6 +113,7 @@ impl ReducedBody {
             stiffness,
             contacts,
             frames,
+            held,
             load,
             gap: vec![0.0; p],
         })
@@ -161,6 +176,9 @@ impl ReducedBody {
         let mut fixed = vec![(1u8 << dim) - 1; self.stiffness.num_nodes()];
         for place in self.stiffness.places() {
             fixed[*place as usize / dim] &= !(1 << (*place as usize % dim));
+        }
+        for (node, held) in self.contacts.iter().zip(&self.held) {
+            fixed[*node] = *held;
         }
         fixed
     }
@@ -275,7 +293,8 @@ impl ReducedBody {
         let trace = |d: usize| {
             let mut entries = Vec::new();
             for (i, (node, frame)) in self.contacts.iter().zip(&self.frames).enumerate() {
-                for k in (0..dim).filter(|&k| frame[d][k] != 0.0) {
+                let moves = |k: &usize| frame[d][*k] != 0.0 && unknown[dim * node + k] != usize::MAX;
+                for k in (0..dim).filter(moves) {
                     entries.push((i, unknown[dim * node + k], frame[d][k]));
                 }
             }
@@ -320,6 +339,25 @@ fn is_orthonormal(frame: &[[f64; 3]; 3], dim: usize) -> bool {
         let product: f64 = (0..dim).map(|d| frame[i][d] * frame[j][d]).sum();
         (product - f64::from(u8::from(i == j))).abs() <= ORTHONORMAL
     })
+}
+
+/// Completes a frame whose tangents of zeros are held: by directions along which only prescribed components move. Returns these as
+/// bits. Frames that cannot be completed so are left as they are.
+fn complete(dim: usize, frame: &mut [[f64; 3]; 3], prescribed: impl Fn(usize) -> bool) -> u8 {
+    let empty = |row: &[f64; 3]| row.iter().all(|v| *v == 0.0);
+    let mut held = 0;
+    for d in (1..dim).filter(|&d| empty(&frame[d])).collect::<Vec<_>>() {
+        let mut row = [0.0; 3];
+        // The first prescribed component orthogonal to the other directions.
+        let Some(k) = (0..dim).find(|&k| prescribed(k) && frame.iter().all(|f| f[k].abs() <= ORTHONORMAL))
+        else {
+            continue;
+        };
+        row[k] = 1.0;
+        frame[d] = row;
+        held |= 1 << d;
+    }
+    held
 }
 
 /// A ← Q A Qᵀ with Q the frames at the given nodes.

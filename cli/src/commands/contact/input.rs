@@ -94,6 +94,7 @@ pub(super) struct TractionInput {
 #[serde(deny_unknown_fields)]
 pub(super) struct ContactInput {
     pub facets: String,
+    pub against: Option<String>,
     pub point: Option<Vec<f64>>,
     pub normal: Option<Vec<f64>>,
     pub gap: Option<f64>,

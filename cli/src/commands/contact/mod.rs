@@ -16,6 +16,7 @@ use semismooth::fem::{ContactRows, ElasticSystem};
 use self::model::{Plan, RunFile};
 use super::error::CommandError;
 use super::run_file::RunArgs;
+use super::text::{counted, wrapped};
 
 /// The run file that `init` writes.
 pub const TEMPLATE: &str = include_str!("template.toml");
@@ -62,6 +63,18 @@ impl Run<'_> {
         out: &mut dyn Write,
     ) -> Result<(), CommandError> {
         let contact = self.file.contact(&self.system, motion)?;
+        let held = contact.num_held();
+        let told = !self.arguments.json && !self.arguments.quiet;
+        for note in self.system.notes().iter().filter(|_| told) {
+            writeln!(out, "{}", wrapped(&format!("note: {note}")))?;
+        }
+        if held > 0 && told {
+            let nodes = counted(held, "contact node");
+            writeln!(
+                out,
+                "tangents held at {nodes}, as on planes of symmetry: symmetric solutions only"
+            )?;
+        }
         match &self.plan {
             Plan::Levels(levels) => {
                 let (problem, rows) = self.file.reduced(&self.system, contact, law)?;

@@ -7,7 +7,7 @@ use semismooth::contact::{
     PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions,
 };
 use semismooth::fem::{
-    ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, PlaneModel, read_gmsh,
+    ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, Mortar, PlaneModel, read_gmsh,
 };
 use semismooth::interface::{LoadCase, LoadPath};
 use semismooth::sparse::Matrix;
@@ -27,6 +27,13 @@ pub(super) struct Traces {
     rows: ContactRows,
     tangential: Vec<Matrix>,
     load: LoadPath,
+}
+
+impl Traces {
+    /// Number of contact nodes with a tangent that is held.
+    pub(super) fn num_held(&self) -> usize {
+        self.rows.num_held()
+    }
 }
 
 pub(super) type RunFile = run_file::RunFile<Input>;
@@ -170,8 +177,33 @@ impl RunFile {
                 Ok(Foundation::plane(point, normal))
             }
             (None, None, Some(gap)) => Ok(Foundation::gap(move |_| gap)),
-            _ => Err(self.wrong(place, "contact", "a point and a normal are wanted, or a gap")),
+            _ => {
+                let what =
+                    "a point and a normal are wanted, or a gap, or the facets of another body (against)";
+                Err(self.wrong(place, "contact", what))
+            }
         }
+    }
+
+    /// The contact rows against a foundation or another boundary.
+    fn rows(&self, system: &ElasticSystem) -> Result<ContactRows, CommandError> {
+        let place = &self.input.contact;
+        let contact = place.get_ref();
+        let rows = match &contact.against {
+            None => system.contact(&contact.facets, &self.foundation(system.mesh().dim())?),
+            Some(_) if contact.point.is_some() || contact.normal.is_some() => {
+                return Err(self.wrong(
+                    place,
+                    "contact",
+                    "against another body there is no point or normal",
+                ));
+            }
+            Some(other) => {
+                let gap = contact.gap.unwrap_or(0.0);
+                system.contact_between(&contact.facets, other, &Mortar::default().with_gap(move |_| gap))
+            }
+        };
+        rows.map_err(|e| self.wrong(place, "contact", e))
     }
 
     fn friction(&self) -> Result<FrictionCoefficient, CommandError> {
@@ -223,10 +255,11 @@ impl RunFile {
         motion: Option<LoadCase>,
     ) -> Result<Traces, CommandError> {
         let place = &self.input.contact;
-        let foundation = self.foundation(system.mesh().dim())?;
-        let mut rows = system
-            .contact(&place.get_ref().facets, &foundation)
-            .map_err(|e| self.wrong(place, "contact", e))?;
+        let mut rows = self.rows(system)?;
+        if let Some(motion) = &motion {
+            rows.check_supports(system, motion)
+                .map_err(|e| self.wrong(place, "contact", e))?;
+        }
         let mut tangential = vec![rows.tangential.clone()];
         tangential.extend(rows.tangential2.take());
         Ok(Traces {
@@ -275,12 +308,15 @@ impl RunFile {
     /// The plan for the route in the run file.
     pub(super) fn routed(&self, plan: Plan, system: &ElasticSystem) -> Result<Plan, CommandError> {
         let place = &self.input.run;
+        let between = self.input.contact.get_ref().against.is_some();
         let most = match system.mesh().dim() {
             2 => PLANE,
             _ => SOLID,
         };
         match (place.get_ref().route, plan) {
-            (Route::Auto, Plan::History(levels)) if system.num_free() > most => Ok(Plan::Levels(levels)),
+            (Route::Auto, Plan::History(levels)) if system.num_free() > most && !between => {
+                Ok(Plan::Levels(levels))
+            }
             (Route::Reduced, Plan::History(levels)) => Ok(Plan::Levels(levels)),
             (Route::Reduced, Plan::Follow(_)) => {
                 let what = "curves need the condensed route";

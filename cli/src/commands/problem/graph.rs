@@ -123,9 +123,10 @@ fn tell(case: &Case<'_>, diagram: &Diagram, out: &mut dyn Write) -> Result<(), C
         writeln!(out, "{}", fitted(&line, ""))?;
     }
     let end = format!(
-        "{}, {} closed and connected to nothing else; {completeness}",
+        "{}, {} closed and connected to nothing else; {completeness}{}",
         counted(diagram.branches().len(), "branch"),
-        diagram.isolas().len()
+        diagram.isolas().len(),
+        case.problem.remark()
     );
     Ok(writeln!(out, "{}", wrapped(&end))?)
 }

@@ -93,7 +93,7 @@ fn find(
     options: &SearchOptions,
     progress: &Progress,
 ) -> Result<List, CommandError> {
-    let map = case.problem.map();
+    let (map, remark) = (case.problem.map(), case.problem.remark());
     let failed = |e| CommandError::failed("the list of solutions", e);
     let listed = |s: semismooth::enumeration::Solution| Listed {
         det_sign: s.det_signs.iter().copied().next().flatten(),
@@ -108,11 +108,13 @@ fn find(
             continua: found.continua.len(),
             index_sum: found.index_sum,
             complete: found.completeness.is_complete(),
-            verdict: found.completeness.to_string(),
+            verdict: format!("{}{remark}", found.completeness),
             words: match found.solutions.len() {
-                0 if !found.continua.is_empty() => format!("no isolated solution, {}", found.completeness),
-                0 => format!("no solution, {}", found.completeness),
-                n => format!("{}, {}", counted(n, "solution"), found.completeness),
+                0 if !found.continua.is_empty() => {
+                    format!("no isolated solution, {}{remark}", found.completeness)
+                }
+                0 => format!("no solution, {}{remark}", found.completeness),
+                n => format!("{}, {}{remark}", counted(n, "solution"), found.completeness),
             },
             solutions: found.solutions.into_iter().map(listed).collect(),
         }),
@@ -120,7 +122,7 @@ fn find(
             let none: [Vec<f64>; 0] = [];
             let found = search_solutions_observed(map, alpha, &none, options, |_| progress.flow())
                 .map_err(|e| CommandError::failed("the search", e))?;
-            let verdict = format!("{found}");
+            let verdict = format!("{found}{remark}");
             let one = |s: semismooth::continuation::FoundSolution| Listed {
                 x: s.x,
                 selections: vec![s.selection],

@@ -29,6 +29,16 @@ impl Problem {
         }
     }
 
+    /// What lists and diagrams do not say where tangents are held.
+    pub(super) fn remark(&self) -> &'static str {
+        match &self.map {
+            Map::Friction(map) if map.body().num_held() > 0 => {
+                " (symmetric solutions only: tangents are held, as on planes of symmetry)"
+            }
+            _ => "",
+        }
+    }
+
     /// The parameter's name.
     pub(super) fn parameter(&self) -> &str {
         self.names.last().map_or("", String::as_str)
