@@ -10,6 +10,7 @@ use pyo3::types::{PyDict, PyString, PyTuple};
 use semismooth::complementarity::Mcp;
 use semismooth::continuation::{self as core, Continuation, ContinuationOptions, Direction, Event};
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use serde::{Deserialize, Serialize};
 
 use crate::arrays::{bound, counted, rows, vector};
 use crate::complementarity::Derivative;
@@ -17,6 +18,7 @@ use crate::contact::{ContactProblem, point};
 use crate::errors::{Run, raised};
 use crate::events::{BranchPoint, Crossing, Fold, Transition, tangents};
 use crate::map::{Map, map_of};
+use crate::saving::{data, data_of, field, state_of};
 
 /// The range of a parameter unless one is given.
 pub(crate) const EVERYWHERE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -77,6 +79,39 @@ impl Problem {
         }
     }
 
+    pub(crate) fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        match self {
+            Self::Map(map) => state_of(py, &[("map", map.bind(py).clone().into_any())]),
+            Self::Contact(problem) => state_of(py, &[("contact", problem.bind(py).clone().into_any())]),
+            Self::Mcp {
+                derivative,
+                lower,
+                upper,
+            } => state_of(
+                py,
+                &[
+                    ("function", derivative.state(py)?.into_any()),
+                    ("lower", data_of(py, lower)?),
+                    ("upper", data_of(py, upper)?),
+                ],
+            ),
+        }
+    }
+
+    pub(crate) fn restored(state: &Bound<'_, PyDict>) -> PyResult<Self> {
+        if state.contains("map")? {
+            return Ok(Self::Map(field(state, "map")?));
+        }
+        if state.contains("contact")? {
+            return Ok(Self::Contact(field(state, "contact")?));
+        }
+        Ok(Self::Mcp {
+            derivative: Derivative::restored(&field(state, "function")?)?,
+            lower: data(state, "lower")?,
+            upper: data(state, "upper")?,
+        })
+    }
+
     pub(crate) fn map<'r>(&'r self, run: &'r Run) -> PyResult<Box<dyn PiecewiseSmooth + 'r>> {
         match self {
             Self::Map(map) => Ok(Box::new(map.get().traced(run))),
@@ -118,6 +153,7 @@ pub(crate) struct Given<'a, 'py> {
 }
 
 /// Names of the pieces, site by site.
+#[derive(Serialize, Deserialize)]
 pub(crate) struct Names(Vec<Vec<String>>);
 
 impl Names {
@@ -173,10 +209,28 @@ pub(crate) struct Branch {
 }
 
 impl Branch {
+    pub(crate) fn state<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (py, own) = (slf.py(), slf.get());
+        state_of(
+            py,
+            &[
+                ("curve", data_of(py, &*own.found)?),
+                ("names", data_of(py, &*own.names)?),
+                ("variables", data_of(py, &own.m)?),
+            ],
+        )
+    }
+
+    pub(crate) fn restored<'py>(py: Python<'py>, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+        let (found, names) = (data(state, "curve")?, data(state, "names")?);
+        let branch = Self::new(py, found, names, data(state, "variables")?)?;
+        Ok(Bound::new(py, branch)?.into_any())
+    }
+
     pub(crate) fn new(py: Python<'_>, found: core::Branch, names: Names, m: usize) -> PyResult<Self> {
         let (found, names) = (Arc::new(found), Arc::new(names));
-        let transition = |at| Transition::new(Arc::clone(&found), at, Arc::clone(&names));
-        let transitions = (0..found.transitions.len()).map(|at| Py::new(py, transition(at)));
+        let transitions =
+            (found.transitions.iter()).map(|t| Py::new(py, Transition::new(t, Arc::clone(&names))));
         let kinks = found.transitions.iter().filter(|t| t.is_fold());
         let kinks = kinks.map(|t| (t.arclength, &t.x, "kink"));
         let smooth = found.smooth_folds.iter().map(|f| &f.point);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList};
 use semismooth::continuation::{self as core, Continuation, ContinuationOptions, DiagramOptions, Direction};
 use semismooth::output::{Column, write_diagram_csv};
 use semismooth::piecewise::PiecewiseSmooth;
@@ -16,23 +16,25 @@ use crate::contact::point;
 use crate::continuation::{EVERYWHERE, Given, Monitor, Names, Problem, told};
 use crate::errors::{Run, SemismoothError, raised};
 use crate::events::{Crossing, Fold};
+use crate::saving::{data, data_of, field, state_of};
+use crate::solution::ContactSolution;
 
 /// A point of a diagram where curves meet, have a kink or end.
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct Vertex {
     /// The point (y, parameter), shape (m,).
-    x: Py<PyArray1<f64>>,
+    pub(crate) x: Py<PyArray1<f64>>,
     /// The parameter.
-    parameter: f64,
+    pub(crate) parameter: f64,
     /// "start", "pass-through", "fold", "vertical segment", "branching", "branch point", "end", "isolated", "continuum" (a region of solutions),
     /// "bound", or why the curve was not followed further.
-    kind: &'static str,
+    pub(crate) kind: String,
     /// Indices of the edges that leave along its arms; None for an arm that was not followed.
-    edges: Vec<Option<usize>>,
+    pub(crate) edges: Vec<Option<usize>>,
     /// Whether no arm is missing, within tolerances.
-    complete: bool,
+    pub(crate) complete: bool,
     /// Whether a start was given here.
-    is_start: bool,
+    pub(crate) is_start: bool,
 }
 
 #[pymethods]
@@ -46,29 +48,30 @@ impl Vertex {
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct Edge {
     /// Its points from end to end, shape (k, m).
-    points: Py<PyArray2<f64>>,
+    pub(crate) points: Py<PyArray2<f64>>,
     /// Unit tangents along it, shape (k, m).
-    tangents: Py<PyArray2<f64>>,
+    pub(crate) tangents: Py<PyArray2<f64>>,
     /// The piece of each site on it, by name.
-    pieces: Vec<String>,
+    pub(crate) pieces: Vec<String>,
     /// Indices of the vertices at its ends; equal for a closed curve.
-    ends: (usize, usize),
+    pub(crate) ends: (usize, usize),
     /// The signs of the determinant of ∂H/∂y along it, in order, repetitions left out.
-    det_signs: Vec<i8>,
+    pub(crate) det_signs: Vec<i8>,
     /// The sign at each point; None where it is not known.
-    point_det_signs: Vec<Option<i8>>,
+    pub(crate) point_det_signs: Vec<Option<i8>>,
     /// Rows of ``points`` that are smooth folds.
-    smooth_folds: Vec<usize>,
+    pub(crate) smooth_folds: Vec<usize>,
     /// Whether the parameter is constant along it: a continuum of solutions.
-    vertical: bool,
+    pub(crate) vertical: bool,
     /// Its arclength.
-    arclength: f64,
+    pub(crate) arclength: f64,
 }
 
 /// All solutions connected to given starts, as a graph.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Diagram {
     found: core::Diagram,
+    names: Names,
     problem: Arc<Problem>,
     m: usize,
     /// The vertices.
@@ -83,10 +86,32 @@ pub(crate) struct Diagram {
 }
 
 impl Diagram {
+    pub(crate) fn state<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (py, own) = (slf.py(), slf.get());
+        let crossings = own.crossings.iter().map(|c| c.clone_ref(py));
+        state_of(
+            py,
+            &[
+                ("diagram", data_of(py, &own.found)?),
+                ("names", data_of(py, &own.names)?),
+                ("problem", own.problem.state(py)?.into_any()),
+                ("crossings", PyList::new(py, crossings)?.into_any()),
+            ],
+        )
+    }
+
+    pub(crate) fn restored<'py>(py: Python<'py>, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+        let problem = Arc::new(Problem::restored(&field(state, "problem")?)?);
+        let (found, names) = (data(state, "diagram")?, data(state, "names")?);
+        let mut diagram = Self::new(py, found, names, problem, &[])?;
+        diagram.crossings = field(state, "crossings")?;
+        Ok(Bound::new(py, diagram)?.into_any())
+    }
+
     fn new(
         py: Python<'_>,
         found: core::Diagram,
-        names: &Names,
+        names: Names,
         problem: Arc<Problem>,
         zeros: &[Zero],
     ) -> PyResult<Self> {
@@ -99,7 +124,7 @@ impl Diagram {
             let vertex = Vertex {
                 x: PyArray1::from_slice(py, &v.x).unbind(),
                 parameter: v.parameter(),
-                kind: v.kind.name(),
+                kind: v.kind.name().to_owned(),
                 edges: v.arms.iter().map(|a| a.edge).collect(),
                 complete: v.complete,
                 is_start: v.is_start,
@@ -126,6 +151,7 @@ impl Diagram {
             edges: edges.collect::<PyResult<_>>()?,
             crossings: crossings.collect::<PyResult<_>>()?,
             found,
+            names,
             problem,
             m,
         })
@@ -311,8 +337,8 @@ fn between(
 /// ----------
 /// H, jac, pattern, lower, upper
 ///     As for :func:`follow`.
-/// starts : array of shape (k, n + 1), or list of ContactSolution
-///     Points (y, parameter), corrected onto the curve at their parameter.
+/// starts : array of shape (k, n + 1) or (n + 1,), or ContactSolution or list of them
+///     One point or several; points (y, parameter), corrected onto the curve at their parameter.
 /// parameter_range : (float, float), optional
 ///     Where curves end.
 /// monitors : dict of name and callable or Map, optional
@@ -356,10 +382,14 @@ fn diagram(
     same_point: Option<f64>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Diagram> {
-    let starts: Vec<Vec<f64>> = starts
-        .try_iter()?
-        .map(|start| point(&start?))
-        .collect::<PyResult<_>>()?;
+    let starts = match starts.extract::<Vec<f64>>().is_ok_and(|one| !one.is_empty())
+        || starts.is_instance_of::<ContactSolution>()
+    {
+        true => vec![point(starts)?],
+        false => (starts.try_iter()?)
+            .map(|start| point(&start?))
+            .collect::<PyResult<Vec<_>>>()?,
+    };
     let Some(first) = starts.first() else {
         return Err(PyValueError::new_err("a diagram needs a start"));
     };
@@ -393,7 +423,7 @@ fn diagram(
         let zeros = zeros(run, &*map, &found, &monitors, &options.continuation)?;
         Ok((found, Names::of(&*map), zeros))
     })?;
-    Diagram::new(py, found, &names, problem, &zeros)
+    Diagram::new(py, found, names, problem, &zeros)
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

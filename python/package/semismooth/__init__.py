@@ -1,9 +1,9 @@
 """Piecewise-smooth equations and complementarity problems: solve them, follow their curves of solutions through every kink, list all their
 solutions.
 
-A problem is a Python function, run once on traced variables (:func:`trace`); its kinks are written with :func:`maximum`, :func:`minimum`,
-``abs``, :func:`clip` and :func:`where`. Afterwards no Python runs, derivatives are exact, and the pieces on both sides of every kink are
-known. Arrays are numpy's; matrices may be those of scipy.sparse.
+A problem is a Python function as it is written for numpy, run once on traced variables (:func:`trace`); its kinks are numpy's ``maximum``,
+``minimum``, ``abs``, ``clip``, ``where``, ``interp``, or those of this module, which have names. Afterwards no Python runs, derivatives are
+exact, and the pieces on both sides of every kink are known. Matrices may be those of scipy.sparse.
 
 >>> import semismooth as ss
 >>> result = ss.solve_lcp([[2.0, 1.0], [1.0, 2.0]], [-5.0, -1.0])
@@ -50,6 +50,7 @@ from ._core import (
     evolve,
     follow,
     lemke,
+    solve,
     solve_cone,
     solve_friction,
     solve_lcp,
@@ -105,6 +106,7 @@ __all__ = [
     "maximum",
     "minimum",
     "read_fclib",
+    "solve",
     "solve_cone",
     "solve_friction",
     "solve_lcp",

@@ -46,15 +46,19 @@ __all__ = [
     "evolve",
     "follow",
     "lemke",
+    "solve",
     "solve_cone",
     "solve_friction",
     "solve_lcp",
     "solve_mcp",
     "solve_vi",
     "trace",
+    "traced_arctan2",
     "traced_clip",
     "traced_maximum",
     "traced_minimum",
+    "traced_name",
+    "traced_product",
     "traced_where",
     "transition_set",
 ]
@@ -94,9 +98,26 @@ class Expression:
     def sinh(self) -> Expression: ...
     def cosh(self) -> Expression: ...
     def tanh(self) -> Expression: ...
+    def arcsin(self) -> Expression: ...
+    def arccos(self) -> Expression: ...
+    def log1p(self) -> Expression: ...
+    def expm1(self) -> Expression: ...
+    def cbrt(self) -> Expression: ...
+    def clip(self, min: Expression | float | None = None, max: Expression | float | None = None) -> Expression: ...
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any: ...
+    def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any: ...
 
 @final
-class Condition: ...
+class Condition:
+    def __and__(self, other: Condition | bool, /) -> Condition: ...
+    def __rand__(self, other: bool, /) -> Condition: ...
+    def __or__(self, other: Condition | bool, /) -> Condition: ...
+    def __ror__(self, other: bool, /) -> Condition: ...
+    def __invert__(self) -> Condition: ...
+    def __mul__(self, other: Expression | float, /) -> Expression: ...
+    def __rmul__(self, other: Expression | float, /) -> Expression: ...
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any: ...
+    def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any: ...
 
 @final
 class Map:
@@ -115,6 +136,9 @@ def traced_maximum(a: Any, b: Any) -> Expression: ...
 def traced_minimum(a: Any, b: Any) -> Expression: ...
 def traced_clip(x: Any, lower: Any, upper: Any) -> Expression: ...
 def traced_where(condition: Any, a: Any, b: Any) -> Any: ...
+def traced_arctan2(y: Any, x: Any) -> Expression: ...
+def traced_name(expression: Any, name: str) -> None: ...
+def traced_product(starts: Any, indices: Any, coefficients: Any, x: list[Any]) -> list[Any]: ...
 
 @final
 class Lcp:
@@ -166,13 +190,22 @@ class _McpOptions(TypedDict, total=False):
     max_time: float | None
     stay_inside: bool
     equilibrate: bool
-    strategies: Sequence[str]
+    strategies: str | Sequence[str]
     fallbacks: bool
     max_path_size: int
     max_path_points: int
     max_nodes: int
     restarts: int
 
+def solve(
+    H: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
+    x0: ArrayLike,
+    jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
+    *,
+    pattern: _Matrix | None = None,
+    callback: Callable[[dict[str, Any]], Any] | None = None,
+    **options: Unpack[_McpOptions],
+) -> McpResult: ...
 def solve_lcp(
     M: _Matrix,
     q: ArrayLike,
@@ -185,8 +218,8 @@ def solve_lcp(
 ) -> McpResult: ...
 def solve_mcp(
     F: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
-    lower: ArrayLike,
-    upper: ArrayLike,
+    lower: ArrayLike | None,
+    upper: ArrayLike | None,
     x0: ArrayLike,
     jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
     *,
@@ -278,7 +311,12 @@ class _EnumerationOptions(TypedDict, total=False):
     merge_distance: float
 
 def all_solutions(
-    problem: Lcp | Map | ContactProblem, parameter: float = 0.0, **options: Unpack[_EnumerationOptions]
+    problem: Callable[[Any], Any] | Map | Lcp | ContactProblem,
+    parameter: float = 0.0,
+    *,
+    num_vars: int | None = None,
+    starts: ArrayLike | None = None,
+    **options: Unpack[_EnumerationOptions],
 ) -> SolutionSet: ...
 
 @final
@@ -518,7 +556,7 @@ class Diagram:
 
 def diagram(
     H: Callable[[Any], Any] | Map | ContactProblem | tuple[_Matrix, ArrayLike],
-    starts: ArrayLike | Sequence[ContactSolution],
+    starts: ArrayLike | ContactSolution | Sequence[ContactSolution],
     parameter_range: tuple[float, float] | None = None,
     *,
     jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
@@ -597,7 +635,7 @@ class _ConeOptions(TypedDict, total=False):
     tolerance: float
     max_iterations: int
     max_time: float | None
-    strategies: Sequence[str]
+    strategies: str | Sequence[str]
     restarts: int
 
 def solve_cone(
