@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use crate::arrays::{bound, counted, matrix, python, sparse, start, vector};
 use crate::errors::{Run, raised};
+use crate::names::size;
 use crate::map::{Map, TracedFunction, map_of};
 use crate::saving::{data, data_of, field, state_of};
 
@@ -152,9 +153,9 @@ impl McpResult {
 
     fn __repr__(&self) -> String {
         format!(
-            "<McpResult: {}, residual {:.1e}, {}>",
+            "<McpResult: {}, residual {}, {}>",
             self.message,
-            self.residual,
+            size(self.residual),
             counted(self.iterations, "iteration")
         )
     }

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -13,9 +13,10 @@ use semismooth::piecewise::PiecewiseSmooth;
 
 use crate::arrays::{counted, rows};
 use crate::contact::point;
-use crate::continuation::{EVERYWHERE, Given, Monitor, Names, Problem, told};
+use crate::continuation::{EVERYWHERE, Given, Monitor, Problem, told};
 use crate::errors::{Run, SemismoothError, raised};
 use crate::events::{Crossing, Fold};
+use crate::names::{Names, number, variables};
 use crate::saving::{data, data_of, field, state_of};
 use crate::solution::ContactSolution;
 
@@ -39,8 +40,9 @@ pub(crate) struct Vertex {
 
 #[pymethods]
 impl Vertex {
-    fn __repr__(&self) -> String {
-        format!("<Vertex: {} at parameter {:?}>", self.kind, self.parameter)
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let parameter = number(self.parameter, &self.x.bind(py).to_vec()?);
+        Ok(format!("<Vertex: {} at parameter {parameter}>", self.kind))
     }
 }
 
@@ -65,6 +67,15 @@ pub(crate) struct Edge {
     pub(crate) vertical: bool,
     /// Its arclength.
     pub(crate) arclength: f64,
+}
+
+#[pymethods]
+impl Edge {
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let points = self.points.bind(py).readonly().as_array().nrows();
+        let (from, to) = self.ends;
+        format!("<Edge: {} from vertex {from} to vertex {to}>", counted(points, "point"))
+    }
 }
 
 /// All solutions connected to given starts, as a graph.
@@ -218,6 +229,25 @@ impl Diagram {
         )
     }
 
+    /// Names of the variables, the parameter last; empty where none were given.
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.names.variables.clone()
+    }
+
+    /// For the first sites, what legends call each piece.
+    #[getter]
+    fn _legend(&self) -> Vec<Vec<(&str, &str)>> {
+        self.names.legend()
+    }
+
+    /// The diagram as a picture, where matplotlib is installed, and its folds as a table, for notebooks.
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py()
+            .import("semismooth._views")?
+            .call_method1("diagram_html", (slf,))
+    }
+
     /// The table of :meth:`to_pandas` as comma-separated values.
     fn _csv(&self, py: Python<'_>) -> PyResult<Vec<u8>> {
         Run::detached(py, |run| {
@@ -232,7 +262,7 @@ impl Diagram {
     }
 
     /// A pandas.DataFrame with a row for each point, edge after edge, isolated vertices last: "edge" (missing there), "arclength" along it,
-    /// "x0" …, "parameter", "event" ("point", "smooth fold", or the kind of the vertex), "det" (missing where unknown), and "site0" … for the
+    /// "x0" …, "parameter" (or the names given), "event" ("point", "smooth fold", or the kind of the vertex), "det" (missing where unknown), and "site0" … for the
     /// pieces.
     fn to_pandas<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py()
@@ -346,6 +376,8 @@ fn between(
 /// callback : callable, optional
 ///     Called with a dict of "event", "x", "parameter" and "arclength" (along the current curve) at each point, in the order in which they
 ///     are computed; returns True to stop, which leaves the diagram incomplete.
+/// names : list of str, optional
+///     Names of the n + 1 variables, for tables and pictures.
 /// max_edges, max_points, same_point
 ///     Limits on the whole diagram (10 000 edges, 1 000 000 points), and the distance, relative to 1 + ‖x‖, within which vertices are one
 ///     (1e-7).
@@ -364,7 +396,7 @@ fn between(
 #[pyfunction]
 #[pyo3(signature = (
     H, starts, parameter_range=None, *, jac=None, pattern=None, lower=None, upper=None, monitors=None,
-    callback=None, max_edges=None, max_points=None, same_point=None, **options
+    callback=None, max_edges=None, max_points=None, same_point=None, names=None, **options
 ))]
 fn diagram(
     py: Python<'_>,
@@ -380,6 +412,7 @@ fn diagram(
     max_edges: Option<usize>,
     max_points: Option<usize>,
     same_point: Option<f64>,
+    names: Option<Vec<String>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Diagram> {
     let starts = match starts.extract::<Vec<f64>>().is_ok_and(|one| !one.is_empty())
@@ -414,6 +447,7 @@ fn diagram(
     options.max_points = max_points.unwrap_or(options.max_points);
     options.same_point = same_point.unwrap_or(options.same_point);
     let monitors = Monitor::list(monitors, false, m)?;
+    let variables = variables(names, m)?;
     let (found, names, zeros) = Run::detached(py, |run| {
         let map = problem.map(run)?;
         let found = core::Diagram::explore_observed(&*map, &starts, &options, |now| {
@@ -423,6 +457,7 @@ fn diagram(
         let zeros = zeros(run, &*map, &found, &monitors, &options.continuation)?;
         Ok((found, Names::of(&*map), zeros))
     })?;
+    let names = names.with(&problem, variables);
     Diagram::new(py, found, names, problem, &zeros)
 }
 

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use semismooth::continuation::{self as core, Arm};
 
-use crate::arrays::rows;
-use crate::continuation::Names;
+use crate::arrays::{counted, rows};
+use crate::names::{Names, number};
 use crate::saving::{data, data_of, state_of};
 
 /// A point where the active pieces of a curve change, located to rounding.
@@ -137,9 +137,9 @@ impl Transition {
 
     fn __repr__(&self) -> String {
         format!(
-            "<Transition: {} at parameter {:?}>",
+            "<Transition: {} at parameter {}>",
             self.kind(),
-            self.parameter()
+            number(self.parameter(), &self.found().x)
         )
     }
 }
@@ -174,8 +174,9 @@ impl Fold {
 
 #[pymethods]
 impl Fold {
-    fn __repr__(&self) -> String {
-        format!("<Fold: {} at parameter {:?}>", self.kind, self.parameter)
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let parameter = number(self.parameter, &self.x.bind(py).to_vec()?);
+        Ok(format!("<Fold: {} at parameter {parameter}>", self.kind))
     }
 }
 
@@ -194,6 +195,15 @@ pub(crate) struct BranchPoint {
     pub(crate) complete: bool,
     /// Arclength from the start.
     pub(crate) arclength: f64,
+}
+
+#[pymethods]
+impl BranchPoint {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let parameter = number(self.parameter, &self.x.bind(py).to_vec()?);
+        let arms = counted(self.arms.bind(py).readonly().as_array().nrows() + 1, "arm");
+        Ok(format!("<BranchPoint: {arms} at parameter {parameter}>"))
+    }
 }
 
 /// A zero of a monitor on the curve.
@@ -225,7 +235,8 @@ impl Crossing {
 
 #[pymethods]
 impl Crossing {
-    fn __repr__(&self) -> String {
-        format!("<Crossing: {} = 0 at parameter {:?}>", self.name, self.parameter)
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let parameter = number(self.parameter, &self.x.bind(py).to_vec()?);
+        Ok(format!("<Crossing: {} = 0 at parameter {parameter}>", self.name))
     }
 }

@@ -11,6 +11,7 @@ use semismooth::contact::{DelassusIteration, DelassusOptions, DelassusProblem, D
 use crate::arrays::{matrix, python, rows, vector};
 use crate::complementarity::observed;
 use crate::errors::{Run, raised};
+use crate::names::size;
 
 /// How a frictional contact problem was solved, or not.
 #[pyclass(frozen, get_all, module = "semismooth")]
@@ -51,8 +52,9 @@ impl FrictionResult {
 
     fn __repr__(&self) -> String {
         format!(
-            "<FrictionResult: {}, residual {:.1e}>",
-            self.status, self.residual
+            "<FrictionResult: {}, residual {}>",
+            self.status,
+            size(self.residual)
         )
     }
 }

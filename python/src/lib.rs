@@ -15,9 +15,11 @@ mod laws;
 mod lists;
 mod map;
 mod mesh;
+mod names;
 mod saving;
 mod solution;
 mod structure;
+mod text;
 mod transition_set;
 mod variational;
 

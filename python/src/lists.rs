@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyIterator, PyList};
 use semismooth::continuation::{FoundSolution, FoundSolutions, SearchOptions, search_solutions_observed};
 use semismooth::enumeration::{self, Completeness, EnumerationError, EnumerationOptions};
 use semismooth::piecewise::{self, PiecewiseSmooth, Selection, TestLayout, cell_margin};
@@ -14,6 +15,10 @@ use crate::complementarity::Lcp;
 use crate::contact::ContactProblem;
 use crate::errors::{Run, raised};
 use crate::map::{Map, map_of};
+use crate::names::{number, size};
+
+/// Coordinates up to which a point is shown.
+const SHOWN: usize = 6;
 
 /// One solution of a list.
 #[pyclass(frozen, get_all, module = "semismooth")]
@@ -30,6 +35,18 @@ pub(crate) struct Solution {
     pub(crate) index: Option<i8>,
     /// max |Hᵢ(x)|, evaluated at the point returned.
     pub(crate) residual: f64,
+}
+
+#[pymethods]
+impl Solution {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let x = self.x.bind(py).to_vec()?;
+        let shown = x.iter().take(SHOWN).map(|v| number(*v, &x));
+        let more = if x.len() > SHOWN { ", …" } else { "" };
+        let index = self.index.map_or_else(String::new, |index| format!(", index {index}"));
+        let text = shown.collect::<Vec<_>>().join(", ");
+        Ok(format!("<Solution: ({text}{more}){index}, margin {}>", size(self.margin)))
+    }
 }
 
 /// A continuum of solutions.
@@ -68,9 +85,36 @@ pub(crate) struct SolutionSet {
 }
 
 #[pymethods]
+impl Continuum {
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let ends = self.ends.bind(py).readonly().as_array().nrows();
+        format!("<Continuum of dimension {}: {}>", self.dimension, counted(ends, "end"))
+    }
+}
+
+#[pymethods]
 impl SolutionSet {
     fn __len__(&self) -> usize {
         self.solutions.len()
+    }
+
+    /// The solutions, one after another.
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
+        let solutions = self.solutions.iter().map(|s| s.clone_ref(py));
+        PyList::new(py, solutions)?.into_any().try_iter()
+    }
+
+    fn __getitem__(&self, py: Python<'_>, index: isize) -> PyResult<Py<Solution>> {
+        let count = self.solutions.len();
+        let at = if index < 0 { index.checked_add_unsigned(count) } else { Some(index) };
+        let found = at.and_then(|at| usize::try_from(at).ok()).and_then(|at| self.solutions.get(at));
+        let found = found.ok_or_else(|| PyIndexError::new_err(format!("there are {}", counted(count, "solution"))));
+        Ok(found?.clone_ref(py))
+    }
+
+    /// The solutions as a table, for notebooks.
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("semismooth._views")?.call_method1("list_html", (slf,))
     }
 
     fn __repr__(&self) -> String {

@@ -16,6 +16,7 @@ use crate::errors::Run;
 use crate::expressions::{Expression, Node, Operand, Page, Smooth, Writing, write};
 use crate::saving::{data, data_of, state_of};
 use crate::structure::{Structure, structure};
+use crate::text::text;
 
 /// A formula: the nodes that its values need, in an order in which each comes after its arguments.
 pub(crate) struct Formula {
@@ -204,6 +205,26 @@ impl Map {
     /// The map.
     pub(crate) fn own(&self) -> &Traced<Watched<'static>> {
         &self.own
+    }
+
+    /// What legends call a piece: its formula, after the name of the site if it has one.
+    pub(crate) fn label(&self, site: usize, piece: usize, variables: &[String]) -> Option<String> {
+        let formula = &self.formula;
+        let kink = formula.nodes.iter().filter(|node| node.is_kink()).nth(site)?;
+        let of = |at: usize| text(&formula.nodes, at, variables);
+        let own = match (*kink, piece) {
+            (Node::Max(a, _) | Node::Min(a, _) | Node::Abs(a) | Node::Switch(_, a, _), 0) => of(a)?,
+            (Node::Max(_, b) | Node::Min(_, b) | Node::Switch(_, _, b), 1) => of(b)?,
+            (Node::Abs(a), 1) => format!("−({})", of(a)?),
+            (Node::Project(lower, ..), 0) => of(lower)?,
+            (Node::Project(_, z, _), 1) => of(z)?,
+            (Node::Project(_, _, upper), 2) => of(upper)?,
+            _ => return None,
+        };
+        Some(match formula.name(site) {
+            Some(name) => format!("{name}: {own}"),
+            None => own,
+        })
     }
 
     /// The map in a run that Python can end.

@@ -14,6 +14,7 @@ use semismooth::variational::{Polyhedron, Vi, ViSolver};
 use crate::arrays::{bound, matrix, python, start, vector};
 use crate::complementarity::{Derivative, observed};
 use crate::errors::{Run, raised};
+use crate::names::size;
 
 /// How a variational inequality was solved, or not.
 #[pyclass(frozen, get_all, module = "semismooth")]
@@ -49,7 +50,7 @@ impl ViResult {
     }
 
     fn __repr__(&self) -> String {
-        format!("<ViResult: {}, residual {:.1e}>", self.status, self.residual)
+        format!("<ViResult: {}, residual {}>", self.status, size(self.residual))
     }
 }
 
@@ -175,7 +176,7 @@ impl ConeResult {
     }
 
     fn __repr__(&self) -> String {
-        format!("<ConeResult: {}, residual {:.1e}>", self.status, self.residual)
+        format!("<ConeResult: {}, residual {}>", self.status, size(self.residual))
     }
 }
 

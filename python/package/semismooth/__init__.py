@@ -45,6 +45,7 @@ from ._core import (
     TransitionCurve,
     Vertex,
     ViResult,
+    __version__,
     all_solutions,
     diagram,
     evolve,
@@ -61,6 +62,7 @@ from ._core import (
 )
 from ._fclib import FrictionProblem, read_fclib
 from ._functions import clip, maximum, minimum, where
+from ._saving import load, save
 
 __all__ = [
     "Body",
@@ -103,9 +105,11 @@ __all__ = [
     "evolve",
     "follow",
     "lemke",
+    "load",
     "maximum",
     "minimum",
     "read_fclib",
+    "save",
     "solve",
     "solve_cone",
     "solve_friction",
