@@ -22,6 +22,14 @@ pub(crate) fn vector(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>
     Ok(array.as_array().to_vec())
 }
 
+/// A start: a vector, or one number for a problem with one unknown.
+pub(crate) fn start(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>> {
+    match object.extract::<f64>() {
+        Ok(value) => Ok(vec![value]),
+        Err(_) => vector(object, what),
+    }
+}
+
 /// Complex arrays are refused: numpy would leave out imaginary parts with a warning.
 fn real(object: &Bound<'_, PyAny>, what: &str) -> PyResult<()> {
     let kind = object.getattr("dtype").and_then(|dtype| dtype.getattr("kind"));
@@ -210,6 +218,9 @@ pub(crate) fn options<T: DeserializeOwned>(given: Option<&Bound<'_, PyDict>>, py
             .map_err(|e| PyValueError::new_err(format!("max_time = {seconds} s: {e}")))?;
         given.set_item("max_time", pythonize::pythonize(py, &time)?)?;
     }
+    if let Some(names) = given.get_item("strategies")? {
+        given.set_item("strategies", strategies(&names)?)?;
+    }
     let wrong = match pythonize::depythonize(&given) {
         Ok(options) => return Ok(options),
         Err(e) => e,
@@ -223,6 +234,27 @@ pub(crate) fn options<T: DeserializeOwned>(given: Option<&Bound<'_, PyDict>>, py
         }
     }
     Err(PyTypeError::new_err(format!("options: {wrong}")))
+}
+
+/// Names of strategies in the words of results ("interior points") as the library's options write them; one need not be in a list.
+fn strategies(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    let names = match given.extract::<String>() {
+        Ok(name) => vec![name],
+        Err(_) => given
+            .extract::<Vec<String>>()
+            .map_err(|e| explained(given.py(), e, "strategies must be names of strategies in a list"))?,
+    };
+    let joined = |name: &String| {
+        let words = name.split(|c: char| !c.is_alphanumeric());
+        let capital = |word: &str| {
+            let mut letters = word.chars();
+            letters.next().map_or_else(String::new, |first| {
+                first.to_uppercase().chain(letters).collect::<String>()
+            })
+        };
+        words.map(capital).collect::<String>()
+    };
+    Ok(names.iter().map(joined).collect())
 }
 
 /// Like `options`, with `defaults` in place of those of the type.

@@ -9,14 +9,17 @@ use pyo3::types::{PyDict, PyString};
 use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkePivot, LemkeStatus};
 use semismooth::complementarity::{
     AffineFunction, BoundState, Differenced, Mcp, McpFunction, McpIteration, McpOptions, McpReport,
-    McpSolver, WithJacobian,
+    McpSolver, McpStatus, WithJacobian,
 };
+use semismooth::newton::Newton;
 use semismooth::sparse::{Matrix, Pattern};
 use serde::Serialize;
 
-use crate::arrays::{bound, counted, matrix, python, sparse, vector};
+use crate::arrays::{bound, counted, matrix, python, sparse, start, vector};
 use crate::errors::{Run, raised};
+use crate::names::size;
 use crate::map::{Map, TracedFunction, map_of};
+use crate::saving::{data, data_of, field, state_of};
 
 /// The linear complementarity problem of a square matrix M, shape (n, n), dense or scipy.sparse, and a vector q, shape (n,).
 ///
@@ -25,6 +28,18 @@ use crate::map::{Map, TracedFunction, map_of};
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Lcp {
     pub(crate) problem: semismooth::complementarity::Lcp,
+}
+
+impl Lcp {
+    pub(crate) fn state<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let py = slf.py();
+        state_of(py, &[("problem", data_of(py, &slf.get().problem)?)])
+    }
+
+    pub(crate) fn restored<'py>(py: Python<'py>, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+        let problem = data(state, "problem")?;
+        Ok(Bound::new(py, Self { problem })?.into_any())
+    }
 }
 
 #[pymethods]
@@ -59,58 +74,58 @@ impl Lcp {
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct McpResult {
     /// The solution, or the point with the smallest natural residual, shape (n,).
-    x: Py<PyArray1<f64>>,
+    pub(crate) x: Py<PyArray1<f64>>,
     /// "solved", "at rounding", "stationary", "unbounded", "infeasible", "stalled", "iteration limit", "time limit", "evaluation failure"
     /// or "interrupted".
-    status: &'static str,
+    pub(crate) status: String,
     /// The status in a sentence.
-    message: String,
+    pub(crate) message: String,
     /// Natural residual max |xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ(x))|, in the units of x and F.
-    residual: f64,
+    pub(crate) residual: f64,
     /// Largest error of a component relative to the terms of its row; it does not depend on units.
-    error: f64,
+    pub(crate) error: f64,
     /// Where each component is: "lower", "interior" or "upper".
-    states: Vec<&'static str>,
+    pub(crate) states: Vec<String>,
     /// Iterations, over all strategies.
-    iterations: usize,
+    pub(crate) iterations: usize,
     /// Evaluations of F.
-    evaluations: usize,
+    pub(crate) evaluations: usize,
     /// Evaluations of its Jacobian.
-    jacobians: usize,
+    pub(crate) jacobians: usize,
     /// Factorisations.
-    factorisations: usize,
+    pub(crate) factorisations: usize,
     /// The strategy that finished.
-    strategy: String,
+    pub(crate) strategy: String,
     /// The strategies that failed before it, each a dict of "strategy", "outcome", "residual" and "iterations".
-    fallbacks: Vec<Py<PyDict>>,
+    pub(crate) fallbacks: Vec<Py<PyDict>>,
     /// The iterates, each a dict of "index", "strategy", "residual", "merit", "step", "damping" and "sites_changed";
     /// ``pandas.DataFrame(result.history)`` is a table.
-    history: Py<PyAny>,
+    pub(crate) history: Py<PyAny>,
     /// Where the status is "infeasible", the vector v that proves it (empty where enumeration did): a recession direction of the box
     /// [lower, upper], so that every solution has vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the box.
-    certificate: Py<PyArray1<f64>>,
+    pub(crate) certificate: Py<PyArray1<f64>>,
     /// Wall-clock time in seconds.
-    time: f64,
+    pub(crate) time: f64,
 }
 
 impl McpResult {
     fn new(py: Python<'_>, x: &[f64], report: &McpReport) -> PyResult<Self> {
         let fallbacks = report.fallbacks.iter().map(|f| {
             let dict = PyDict::new(py);
-            dict.set_item("strategy", word(py, &f.strategy)?)?;
+            dict.set_item("strategy", f.strategy.name())?;
             dict.set_item("outcome", f.outcome.name())?;
             dict.set_item("residual", f.residual)?;
             dict.set_item("iterations", f.iterations)?;
             Ok(dict.unbind())
         });
         let state = |s: &BoundState| match s {
-            BoundState::Lower => "lower",
-            BoundState::Upper => "upper",
-            _ => "interior",
+            BoundState::Lower => "lower".to_owned(),
+            BoundState::Upper => "upper".to_owned(),
+            _ => "interior".to_owned(),
         };
         Ok(Self {
             x: PyArray1::from_slice(py, x).unbind(),
-            status: report.status.name(),
+            status: report.status.name().to_owned(),
             message: report.status.to_string(),
             residual: report.residual,
             error: report.error,
@@ -119,7 +134,7 @@ impl McpResult {
             evaluations: report.evaluations,
             jacobians: report.jacobians,
             factorisations: report.factorisations,
-            strategy: word(py, &report.strategy)?,
+            strategy: report.strategy.name().to_owned(),
             fallbacks: fallbacks.collect::<PyResult<_>>()?,
             history: python(py, &report.history)?.unbind(),
             certificate: PyArray1::from_slice(py, &report.certificate).unbind(),
@@ -138,17 +153,12 @@ impl McpResult {
 
     fn __repr__(&self) -> String {
         format!(
-            "<McpResult: {}, residual {:.1e}, {}>",
+            "<McpResult: {}, residual {}, {}>",
             self.message,
-            self.residual,
+            size(self.residual),
             counted(self.iterations, "iteration")
         )
     }
-}
-
-/// A variant of an enum, as options write it.
-fn word(py: Python<'_>, value: &impl Serialize) -> PyResult<String> {
-    python(py, value)?.extract()
 }
 
 /// Solves the linear complementarity problem 0 ≤ z ⟂ M z + q ≥ 0, or with bounds lower ≤ z ≤ upper.
@@ -166,7 +176,7 @@ fn word(py: Python<'_>, value: &impl Serialize) -> PyResult<String> {
 ///     which F is not finite; returns True to stop.
 /// **options
 ///     tolerance (1e-10, relative to the terms of each row), acceptable (1e-8), max_iterations, max_time (seconds), strategies (a list of
-///     names such as "Newton", "Enumeration"), fallbacks, max_nodes, restarts and others of McpOptions.
+///     names such as "Newton", "enumeration"), fallbacks, max_nodes, restarts and others of McpOptions.
 ///
 /// Returns
 /// -------
@@ -188,7 +198,7 @@ fn solve_lcp(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<McpResult> {
     let Lcp { problem } = Lcp::new(M, q, lower, upper)?;
-    let mut x = x0.map_or_else(|| Ok(vec![0.0; problem.len()]), |x0| vector(x0, "x0"))?;
+    let mut x = x0.map_or_else(|| Ok(vec![0.0; problem.len()]), |x0| start(x0, "x0"))?;
     let options = crate::arrays::options(options, py)?;
     let report = Run::detached(py, |run| {
         solve(run, problem.mcp(), &mut x, options, callback.as_ref())
@@ -312,6 +322,52 @@ impl Derivative {
         Ok(Self::Function(Called { function, jacobian }, pattern))
     }
 
+    pub(crate) fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        match self {
+            Self::Affine(affine) => state_of(
+                py,
+                &[
+                    ("M", data_of(py, affine.matrix())?),
+                    ("q", data_of(py, &affine.q())?),
+                ],
+            ),
+            Self::Formula(map) => state_of(py, &[("map", map.bind(py).clone().into_any())]),
+            Self::Differences(function, pattern) => state_of(
+                py,
+                &[
+                    ("function", function.bind(py).clone()),
+                    ("pattern", data_of(py, pattern)?),
+                ],
+            ),
+            Self::Function(Called { function, jacobian }, pattern) => state_of(
+                py,
+                &[
+                    ("function", function.bind(py).clone()),
+                    ("jac", jacobian.bind(py).clone()),
+                    ("pattern", data_of(py, pattern)?),
+                ],
+            ),
+        }
+    }
+
+    pub(crate) fn restored(state: &Bound<'_, PyDict>) -> PyResult<Self> {
+        if state.contains("M")? {
+            let affine = AffineFunction::new(data(state, "M")?, data(state, "q")?).map_err(raised)?;
+            return Ok(Self::Affine(affine));
+        }
+        if state.contains("map")? {
+            return Ok(Self::Formula(field(state, "map")?));
+        }
+        let (function, pattern) = (field(state, "function")?, data(state, "pattern")?);
+        Ok(match state.contains("jac")? {
+            true => {
+                let jacobian = field(state, "jac")?;
+                Self::Function(Called { function, jacobian }, pattern)
+            }
+            false => Self::Differences(function, pattern),
+        })
+    }
+
     /// Whether the function was traced and has kinks of its own.
     pub(crate) fn has_kinks(&self) -> bool {
         matches!(self, Self::Formula(map) if map.get().num_sites() > 0)
@@ -384,9 +440,9 @@ pub(crate) fn add(jacobian: &Bound<'_, PyAny>, x: &[f64], jac: &mut Matrix) -> P
 /// ----------
 /// F : callable, Map, or tuple (M, q)
 ///     ``F(x)`` for x of shape (n,) gives n values. Unless ``jac`` is given it is traced: see :func:`trace`. (M, q) is M x + q.
-/// lower, upper : number or array of shape (n,)
-///     Bounds, ±inf where there is none. F is evaluated within them only.
-/// x0 : array of shape (n,)
+/// lower, upper : number, array of shape (n,), or None
+///     Bounds, ±inf where there is none; None: no bound. F is evaluated within them only.
+/// x0 : array of shape (n,), or number
 ///     Start.
 /// jac : callable or "differences", optional
 ///     ``jac(x)``, of shape (n, n), dense or scipy.sparse: F is then called, not traced. "differences": central differences of F.
@@ -409,18 +465,18 @@ pub(crate) fn add(jacobian: &Bound<'_, PyAny>, x: &[f64], jac: &mut Matrix) -> P
 fn solve_mcp(
     py: Python<'_>,
     F: &Bound<'_, PyAny>,
-    lower: &Bound<'_, PyAny>,
-    upper: &Bound<'_, PyAny>,
+    lower: Option<&Bound<'_, PyAny>>,
+    upper: Option<&Bound<'_, PyAny>>,
     x0: &Bound<'_, PyAny>,
     jac: Option<&Bound<'_, PyAny>>,
     pattern: Option<&Bound<'_, PyAny>>,
     callback: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<McpResult> {
-    let mut x = vector(x0, "x0")?;
+    let mut x = start(x0, "x0")?;
     let n = x.len();
-    let lower = bound(Some(lower), n, 0.0, "lower")?;
-    let upper = bound(Some(upper), n, 0.0, "upper")?;
+    let lower = bound(lower, n, f64::NEG_INFINITY, "lower")?;
+    let upper = bound(upper, n, f64::INFINITY, "upper")?;
     let derivative = Derivative::new(F, jac, pattern, &x, n)?;
     let options = crate::arrays::options(options, py)?;
     let report = Run::detached(py, |run| {
@@ -430,23 +486,88 @@ fn solve_mcp(
     McpResult::new(py, &x, &report)
 }
 
+/// Solves the square equation H(x) = 0, which may have kinks.
+///
+/// Parameters
+/// ----------
+/// H : callable, Map, or tuple (M, q)
+///     ``H(x)`` for x of shape (n,) gives n values. Unless ``jac`` is given it is traced: see :func:`trace`. (M, q) is M x + q.
+/// x0 : array of shape (n,), or number
+///     Start.
+/// jac, pattern, callback, **options
+///     As for :func:`solve_mcp`. A function that is called, not traced, may have kinks, too: its Jacobian is then that of any of its pieces.
+///
+/// Returns
+/// -------
+/// McpResult
+///     ``solved`` is true exactly if the error at ``x`` was measured and found below the tolerance.
+///
+/// >>> import numpy as np
+/// >>> import semismooth as ss
+/// >>> result = ss.solve(lambda x: np.maximum(x, 2 * x) - 3, -1.0)
+/// >>> result.solved, result.x
+/// (True, array([1.5]))
+#[pyfunction]
+#[pyo3(signature = (H, x0, jac=None, *, pattern=None, callback=None, **options))]
+#[pyo3(name = "solve")]
+fn solve_equation(
+    py: Python<'_>,
+    H: &Bound<'_, PyAny>,
+    x0: &Bound<'_, PyAny>,
+    jac: Option<&Bound<'_, PyAny>>,
+    pattern: Option<&Bound<'_, PyAny>>,
+    callback: Option<Py<PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<McpResult> {
+    let x0 = start(x0, "x0")?;
+    let n = x0.len();
+    let derivative = Derivative::new(H, jac, pattern, &x0, n)?;
+    let options: McpOptions = crate::arrays::options(options, py)?;
+    let (x, report) = Run::detached(py, |run| {
+        let unbounded = [f64::NEG_INFINITY, f64::INFINITY].map(|bound| vec![bound; n]);
+        let [lower, upper] = unbounded;
+        let problem = Mcp::new(derivative.function(run, n), lower, upper).map_err(raised)?;
+        let mut x = x0.clone();
+        let report = solve(run, &problem, &mut x, options.clone(), callback.as_ref())?;
+        let Derivative::Formula(map) = &derivative else {
+            return Ok((x, report));
+        };
+        let over = matches!(report.status, McpStatus::Interrupted | McpStatus::TimeLimit);
+        if report.status == McpStatus::Solved || over || run.is_broken() {
+            return Ok((x, report));
+        }
+        // Newton's method for the pieces themselves; its point is judged as those of the others are.
+        let mut second = x0.clone();
+        let newton = Newton::default().solve(&map.get().traced(run), &mut second);
+        if newton.is_err() || run.is_broken() {
+            return Ok((x, report));
+        }
+        let judged = solve(run, &problem, &mut second, options, None)?;
+        match judged.status {
+            McpStatus::Solved => Ok((second, judged)),
+            _ => Ok((x, report)),
+        }
+    })?;
+    McpResult::new(py, &x, &report)
+}
+
 /// Where the path of Lemke's method ended.
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct LemkeResult {
     /// The solution, or the end of the path, shape (n,).
-    x: Py<PyArray1<f64>>,
+    pub(crate) x: Py<PyArray1<f64>>,
     /// "solved", "infeasible" (proven by ``ray``), "ray", "pivot limit", "interrupted" or "inaccurate".
-    status: &'static str,
+    pub(crate) status: String,
     /// The status in a sentence.
-    message: String,
+    pub(crate) message: String,
     /// Natural residual of x.
-    residual: f64,
+    pub(crate) residual: f64,
     /// Number of pivots.
-    pivots: usize,
+    pub(crate) pivots: usize,
     /// Direction of the ray on which the path ended, shape (n,), or None.
-    ray: Option<Py<PyArray1<f64>>>,
+    pub(crate) ray: Option<Py<PyArray1<f64>>>,
     /// The pivots, each a dict of "index", "path" and "cover", the value of the covering variable before it.
-    history: Py<PyAny>,
+    pub(crate) history: Py<PyAny>,
 }
 
 #[pymethods]
@@ -514,7 +635,7 @@ fn lemke(
     let ray = solver.ray().filter(|_| on_ray);
     Ok(LemkeResult {
         x: PyArray1::from_vec(py, x).unbind(),
-        status: report.status.name(),
+        status: report.status.name().to_owned(),
         message: report.status.to_string(),
         residual: report.residual,
         pivots: report.pivots,
@@ -527,6 +648,7 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Lcp>()?;
     module.add_class::<McpResult>()?;
     module.add_class::<LemkeResult>()?;
+    module.add_function(wrap_pyfunction!(solve_equation, module)?)?;
     module.add_function(wrap_pyfunction!(solve_lcp, module)?)?;
     module.add_function(wrap_pyfunction!(solve_mcp, module)?)?;
     module.add_function(wrap_pyfunction!(lemke, module)?)

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString, PyTuple};
+use pyo3::types::{PyDict, PyIterator, PyString, PyTuple};
 use semismooth::complementarity::Mcp;
 use semismooth::continuation::{self as core, Continuation, ContinuationOptions, Direction, Event};
-use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::piecewise::PiecewiseSmooth;
 
 use crate::arrays::{bound, counted, rows, vector};
 use crate::complementarity::Derivative;
@@ -17,6 +17,8 @@ use crate::contact::{ContactProblem, point};
 use crate::errors::{Run, raised};
 use crate::events::{BranchPoint, Crossing, Fold, Transition, tangents};
 use crate::map::{Map, map_of};
+use crate::names::{Names, variables};
+use crate::saving::{data, data_of, field, state_of};
 
 /// The range of a parameter unless one is given.
 pub(crate) const EVERYWHERE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -77,6 +79,39 @@ impl Problem {
         }
     }
 
+    pub(crate) fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        match self {
+            Self::Map(map) => state_of(py, &[("map", map.bind(py).clone().into_any())]),
+            Self::Contact(problem) => state_of(py, &[("contact", problem.bind(py).clone().into_any())]),
+            Self::Mcp {
+                derivative,
+                lower,
+                upper,
+            } => state_of(
+                py,
+                &[
+                    ("function", derivative.state(py)?.into_any()),
+                    ("lower", data_of(py, lower)?),
+                    ("upper", data_of(py, upper)?),
+                ],
+            ),
+        }
+    }
+
+    pub(crate) fn restored(state: &Bound<'_, PyDict>) -> PyResult<Self> {
+        if state.contains("map")? {
+            return Ok(Self::Map(field(state, "map")?));
+        }
+        if state.contains("contact")? {
+            return Ok(Self::Contact(field(state, "contact")?));
+        }
+        Ok(Self::Mcp {
+            derivative: Derivative::restored(&field(state, "function")?)?,
+            lower: data(state, "lower")?,
+            upper: data(state, "upper")?,
+        })
+    }
+
     pub(crate) fn map<'r>(&'r self, run: &'r Run) -> PyResult<Box<dyn PiecewiseSmooth + 'r>> {
         match self {
             Self::Map(map) => Ok(Box::new(map.get().traced(run))),
@@ -117,31 +152,6 @@ pub(crate) struct Given<'a, 'py> {
     pub(crate) upper: Option<&'a Bound<'py, PyAny>>,
 }
 
-/// Names of the pieces, site by site.
-pub(crate) struct Names(Vec<Vec<String>>);
-
-impl Names {
-    pub(crate) fn of(map: &dyn PiecewiseSmooth) -> Self {
-        let site = |s| {
-            (0..map.num_pieces(s))
-                .map(|p| map.piece_name(s, p).into_owned())
-                .collect()
-        };
-        Self((0..map.num_sites()).map(site).collect())
-    }
-
-    pub(crate) fn selection(&self, selection: &Selection) -> Vec<&str> {
-        let pieces = self.0.iter().zip(selection.pieces());
-        pieces
-            .map(|(names, p)| names.get(p).map_or("", String::as_str))
-            .collect()
-    }
-
-    pub(crate) fn owned(&self, selection: &Selection) -> Vec<String> {
-        self.selection(selection).into_iter().map(str::to_owned).collect()
-    }
-}
-
 /// An arc of a solution curve. Row i of the arrays is its point i; events are among the points.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Branch {
@@ -173,10 +183,28 @@ pub(crate) struct Branch {
 }
 
 impl Branch {
+    pub(crate) fn state<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (py, own) = (slf.py(), slf.get());
+        state_of(
+            py,
+            &[
+                ("curve", data_of(py, &*own.found)?),
+                ("names", data_of(py, &*own.names)?),
+                ("variables", data_of(py, &own.m)?),
+            ],
+        )
+    }
+
+    pub(crate) fn restored<'py>(py: Python<'py>, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+        let (found, names) = (data(state, "curve")?, data(state, "names")?);
+        let branch = Self::new(py, found, names, data(state, "variables")?)?;
+        Ok(Bound::new(py, branch)?.into_any())
+    }
+
     pub(crate) fn new(py: Python<'_>, found: core::Branch, names: Names, m: usize) -> PyResult<Self> {
         let (found, names) = (Arc::new(found), Arc::new(names));
-        let transition = |at| Transition::new(Arc::clone(&found), at, Arc::clone(&names));
-        let transitions = (0..found.transitions.len()).map(|at| Py::new(py, transition(at)));
+        let transitions =
+            (found.transitions.iter()).map(|t| Py::new(py, Transition::new(t, Arc::clone(&names))));
         let kinks = found.transitions.iter().filter(|t| t.is_fold());
         let kinks = kinks.map(|t| (t.arclength, &t.x, "kink"));
         let smooth = found.smooth_folds.iter().map(|f| &f.point);
@@ -258,6 +286,18 @@ impl Branch {
             .collect()
     }
 
+    /// Names of the variables, the parameter last; empty where none were given.
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.names.variables.clone()
+    }
+
+    /// For the first sites, what legends call each piece.
+    #[getter]
+    fn _legend(&self) -> Vec<Vec<(&str, &str)>> {
+        self.names.legend()
+    }
+
     /// What each point is: "point", a kind of transition, "smooth fold", "branch point", or the name of a monitor.
     #[getter]
     fn events(&self) -> Vec<String> {
@@ -286,6 +326,18 @@ impl Branch {
         self.found.vertices().len()
     }
 
+    /// The points, one after another.
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
+        self.points(py)?.into_any().try_iter()
+    }
+
+    /// The curve as a picture, where matplotlib is installed, and its events as a table, for notebooks.
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py()
+            .import("semismooth._views")?
+            .call_method1("branch_html", (slf,))
+    }
+
     fn __repr__(&self) -> String {
         format!(
             "<Branch: {}, {}, {}, ended: {}>",
@@ -296,7 +348,8 @@ impl Branch {
         )
     }
 
-    /// A pandas.DataFrame with a row for each point: "arclength", "x0" …, "parameter", "event", and "site0" … for the pieces.
+    /// A pandas.DataFrame with a row for each point: "arclength", "x0" …, "parameter" (or the names given), "event", and "site0" … for the
+    /// pieces.
     fn to_pandas<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py()
             .import("semismooth._views")?
@@ -428,6 +481,8 @@ pub(crate) fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction>
 ///     Real functions of x; where one changes its sign the zero is located and listed in ``crossings``. Those of ``stops`` end the curve.
 /// callback : callable, optional
 ///     Called with a dict of "event", "x", "parameter" and "arclength" at each point; returns True to stop.
+/// names : list of str, optional
+///     Names of the n + 1 variables, for tables and pictures.
 /// **options
 ///     step (0.05), min_step, max_step (1), targets (parameters at which points are computed), max_points (10 000), max_arclength,
 ///     max_time (seconds), typical_sizes and others of ContinuationOptions.
@@ -446,7 +501,7 @@ pub(crate) fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction>
 #[pyfunction]
 #[pyo3(signature = (
     H, x0, parameter_range=None, direction=None, *, jac=None, pattern=None, lower=None, upper=None,
-    monitors=None, stops=None, callback=None, **options
+    monitors=None, stops=None, callback=None, names=None, **options
 ))]
 fn follow(
     py: Python<'_>,
@@ -461,6 +516,7 @@ fn follow(
     monitors: Option<&Bound<'_, PyDict>>,
     stops: Option<&Bound<'_, PyDict>>,
     callback: Option<Py<PyAny>>,
+    names: Option<Vec<String>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Branch> {
     let x0 = point(x0)?;
@@ -482,8 +538,9 @@ fn follow(
         x0,
     };
     let m = travel.x0.len();
+    let variables = variables(names, m)?;
     let (found, names) = Run::detached(py, |run| travel.along(run, &*problem.map(run)?))?;
-    Branch::new(py, found, names, m)
+    Branch::new(py, found, names.with(&problem, variables), m)
 }
 
 /// How a curve is followed.

@@ -3,42 +3,46 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList};
 use semismooth::continuation::{self as core, Continuation, ContinuationOptions, DiagramOptions, Direction};
 use semismooth::output::{Column, write_diagram_csv};
 use semismooth::piecewise::PiecewiseSmooth;
 
 use crate::arrays::{counted, rows};
 use crate::contact::point;
-use crate::continuation::{EVERYWHERE, Given, Monitor, Names, Problem, told};
+use crate::continuation::{EVERYWHERE, Given, Monitor, Problem, told};
 use crate::errors::{Run, SemismoothError, raised};
 use crate::events::{Crossing, Fold};
+use crate::names::{Names, number, variables};
+use crate::saving::{data, data_of, field, state_of};
+use crate::solution::ContactSolution;
 
 /// A point of a diagram where curves meet, have a kink or end.
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct Vertex {
     /// The point (y, parameter), shape (m,).
-    x: Py<PyArray1<f64>>,
+    pub(crate) x: Py<PyArray1<f64>>,
     /// The parameter.
-    parameter: f64,
+    pub(crate) parameter: f64,
     /// "start", "pass-through", "fold", "vertical segment", "branching", "branch point", "end", "isolated", "continuum" (a region of solutions),
     /// "bound", or why the curve was not followed further.
-    kind: &'static str,
+    pub(crate) kind: String,
     /// Indices of the edges that leave along its arms; None for an arm that was not followed.
-    edges: Vec<Option<usize>>,
+    pub(crate) edges: Vec<Option<usize>>,
     /// Whether no arm is missing, within tolerances.
-    complete: bool,
+    pub(crate) complete: bool,
     /// Whether a start was given here.
-    is_start: bool,
+    pub(crate) is_start: bool,
 }
 
 #[pymethods]
 impl Vertex {
-    fn __repr__(&self) -> String {
-        format!("<Vertex: {} at parameter {:?}>", self.kind, self.parameter)
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let parameter = number(self.parameter, &self.x.bind(py).to_vec()?);
+        Ok(format!("<Vertex: {} at parameter {parameter}>", self.kind))
     }
 }
 
@@ -46,29 +50,39 @@ impl Vertex {
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct Edge {
     /// Its points from end to end, shape (k, m).
-    points: Py<PyArray2<f64>>,
+    pub(crate) points: Py<PyArray2<f64>>,
     /// Unit tangents along it, shape (k, m).
-    tangents: Py<PyArray2<f64>>,
+    pub(crate) tangents: Py<PyArray2<f64>>,
     /// The piece of each site on it, by name.
-    pieces: Vec<String>,
+    pub(crate) pieces: Vec<String>,
     /// Indices of the vertices at its ends; equal for a closed curve.
-    ends: (usize, usize),
+    pub(crate) ends: (usize, usize),
     /// The signs of the determinant of ∂H/∂y along it, in order, repetitions left out.
-    det_signs: Vec<i8>,
+    pub(crate) det_signs: Vec<i8>,
     /// The sign at each point; None where it is not known.
-    point_det_signs: Vec<Option<i8>>,
+    pub(crate) point_det_signs: Vec<Option<i8>>,
     /// Rows of ``points`` that are smooth folds.
-    smooth_folds: Vec<usize>,
+    pub(crate) smooth_folds: Vec<usize>,
     /// Whether the parameter is constant along it: a continuum of solutions.
-    vertical: bool,
+    pub(crate) vertical: bool,
     /// Its arclength.
-    arclength: f64,
+    pub(crate) arclength: f64,
+}
+
+#[pymethods]
+impl Edge {
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let points = self.points.bind(py).readonly().as_array().nrows();
+        let (from, to) = self.ends;
+        format!("<Edge: {} from vertex {from} to vertex {to}>", counted(points, "point"))
+    }
 }
 
 /// All solutions connected to given starts, as a graph.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Diagram {
     found: core::Diagram,
+    names: Names,
     problem: Arc<Problem>,
     m: usize,
     /// The vertices.
@@ -83,10 +97,32 @@ pub(crate) struct Diagram {
 }
 
 impl Diagram {
+    pub(crate) fn state<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (py, own) = (slf.py(), slf.get());
+        let crossings = own.crossings.iter().map(|c| c.clone_ref(py));
+        state_of(
+            py,
+            &[
+                ("diagram", data_of(py, &own.found)?),
+                ("names", data_of(py, &own.names)?),
+                ("problem", own.problem.state(py)?.into_any()),
+                ("crossings", PyList::new(py, crossings)?.into_any()),
+            ],
+        )
+    }
+
+    pub(crate) fn restored<'py>(py: Python<'py>, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+        let problem = Arc::new(Problem::restored(&field(state, "problem")?)?);
+        let (found, names) = (data(state, "diagram")?, data(state, "names")?);
+        let mut diagram = Self::new(py, found, names, problem, &[])?;
+        diagram.crossings = field(state, "crossings")?;
+        Ok(Bound::new(py, diagram)?.into_any())
+    }
+
     fn new(
         py: Python<'_>,
         found: core::Diagram,
-        names: &Names,
+        names: Names,
         problem: Arc<Problem>,
         zeros: &[Zero],
     ) -> PyResult<Self> {
@@ -99,7 +135,7 @@ impl Diagram {
             let vertex = Vertex {
                 x: PyArray1::from_slice(py, &v.x).unbind(),
                 parameter: v.parameter(),
-                kind: v.kind.name(),
+                kind: v.kind.name().to_owned(),
                 edges: v.arms.iter().map(|a| a.edge).collect(),
                 complete: v.complete,
                 is_start: v.is_start,
@@ -126,6 +162,7 @@ impl Diagram {
             edges: edges.collect::<PyResult<_>>()?,
             crossings: crossings.collect::<PyResult<_>>()?,
             found,
+            names,
             problem,
             m,
         })
@@ -192,6 +229,25 @@ impl Diagram {
         )
     }
 
+    /// Names of the variables, the parameter last; empty where none were given.
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.names.variables.clone()
+    }
+
+    /// For the first sites, what legends call each piece.
+    #[getter]
+    fn _legend(&self) -> Vec<Vec<(&str, &str)>> {
+        self.names.legend()
+    }
+
+    /// The diagram as a picture, where matplotlib is installed, and its folds as a table, for notebooks.
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py()
+            .import("semismooth._views")?
+            .call_method1("diagram_html", (slf,))
+    }
+
     /// The table of :meth:`to_pandas` as comma-separated values.
     fn _csv(&self, py: Python<'_>) -> PyResult<Vec<u8>> {
         Run::detached(py, |run| {
@@ -206,7 +262,7 @@ impl Diagram {
     }
 
     /// A pandas.DataFrame with a row for each point, edge after edge, isolated vertices last: "edge" (missing there), "arclength" along it,
-    /// "x0" …, "parameter", "event" ("point", "smooth fold", or the kind of the vertex), "det" (missing where unknown), and "site0" … for the
+    /// "x0" …, "parameter" (or the names given), "event" ("point", "smooth fold", or the kind of the vertex), "det" (missing where unknown), and "site0" … for the
     /// pieces.
     fn to_pandas<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py()
@@ -311,8 +367,8 @@ fn between(
 /// ----------
 /// H, jac, pattern, lower, upper
 ///     As for :func:`follow`.
-/// starts : array of shape (k, n + 1), or list of ContactSolution
-///     Points (y, parameter), corrected onto the curve at their parameter.
+/// starts : array of shape (k, n + 1) or (n + 1,), or ContactSolution or list of them
+///     One point or several; points (y, parameter), corrected onto the curve at their parameter.
 /// parameter_range : (float, float), optional
 ///     Where curves end.
 /// monitors : dict of name and callable or Map, optional
@@ -320,6 +376,8 @@ fn between(
 /// callback : callable, optional
 ///     Called with a dict of "event", "x", "parameter" and "arclength" (along the current curve) at each point, in the order in which they
 ///     are computed; returns True to stop, which leaves the diagram incomplete.
+/// names : list of str, optional
+///     Names of the n + 1 variables, for tables and pictures.
 /// max_edges, max_points, same_point
 ///     Limits on the whole diagram (10 000 edges, 1 000 000 points), and the distance, relative to 1 + ‖x‖, within which vertices are one
 ///     (1e-7).
@@ -338,7 +396,7 @@ fn between(
 #[pyfunction]
 #[pyo3(signature = (
     H, starts, parameter_range=None, *, jac=None, pattern=None, lower=None, upper=None, monitors=None,
-    callback=None, max_edges=None, max_points=None, same_point=None, **options
+    callback=None, max_edges=None, max_points=None, same_point=None, names=None, **options
 ))]
 fn diagram(
     py: Python<'_>,
@@ -354,12 +412,17 @@ fn diagram(
     max_edges: Option<usize>,
     max_points: Option<usize>,
     same_point: Option<f64>,
+    names: Option<Vec<String>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Diagram> {
-    let starts: Vec<Vec<f64>> = starts
-        .try_iter()?
-        .map(|start| point(&start?))
-        .collect::<PyResult<_>>()?;
+    let starts = match starts.extract::<Vec<f64>>().is_ok_and(|one| !one.is_empty())
+        || starts.is_instance_of::<ContactSolution>()
+    {
+        true => vec![point(starts)?],
+        false => (starts.try_iter()?)
+            .map(|start| point(&start?))
+            .collect::<PyResult<Vec<_>>>()?,
+    };
     let Some(first) = starts.first() else {
         return Err(PyValueError::new_err("a diagram needs a start"));
     };
@@ -384,6 +447,7 @@ fn diagram(
     options.max_points = max_points.unwrap_or(options.max_points);
     options.same_point = same_point.unwrap_or(options.same_point);
     let monitors = Monitor::list(monitors, false, m)?;
+    let variables = variables(names, m)?;
     let (found, names, zeros) = Run::detached(py, |run| {
         let map = problem.map(run)?;
         let found = core::Diagram::explore_observed(&*map, &starts, &options, |now| {
@@ -393,7 +457,8 @@ fn diagram(
         let zeros = zeros(run, &*map, &found, &monitors, &options.continuation)?;
         Ok((found, Names::of(&*map), zeros))
     })?;
-    Diagram::new(py, found, &names, problem, &zeros)
+    let names = names.with(&problem, variables);
+    Diagram::new(py, found, names, problem, &zeros)
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -2,29 +2,50 @@
 
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use semismooth::continuation::{self as core, Arm};
 
-use crate::arrays::rows;
-use crate::continuation::Names;
+use crate::arrays::{counted, rows};
+use crate::names::{Names, number};
+use crate::saving::{data, data_of, state_of};
 
 /// A point where the active pieces of a curve change, located to rounding.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Transition {
-    /// The curve, and the index `at` of the transition on it; names and arrays are made on access.
-    branch: Arc<core::Branch>,
-    at: usize,
+    /// Names and arrays are made on access.
+    found: Arc<core::Transition>,
     names: Arc<Names>,
 }
 
 impl Transition {
-    pub(crate) fn new(branch: Arc<core::Branch>, at: usize, names: Arc<Names>) -> Self {
-        Self { branch, at, names }
+    pub(crate) fn new(found: &core::Transition, names: Arc<Names>) -> Self {
+        let found = Arc::new(found.clone());
+        Self { found, names }
+    }
+
+    pub(crate) fn state<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (py, own) = (slf.py(), slf.get());
+        state_of(
+            py,
+            &[
+                ("transition", data_of(py, own.found())?),
+                ("names", data_of(py, &*own.names)?),
+            ],
+        )
+    }
+
+    pub(crate) fn restored<'py>(py: Python<'py>, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+        let own = Self {
+            found: Arc::new(data(state, "transition")?),
+            names: Arc::new(data(state, "names")?),
+        };
+        Ok(Bound::new(py, own)?.into_any())
     }
 
     fn found(&self) -> &core::Transition {
-        &self.branch.transitions[self.at]
+        &self.found
     }
 }
 
@@ -116,9 +137,9 @@ impl Transition {
 
     fn __repr__(&self) -> String {
         format!(
-            "<Transition: {} at parameter {:?}>",
+            "<Transition: {} at parameter {}>",
             self.kind(),
-            self.parameter()
+            number(self.parameter(), &self.found().x)
         )
     }
 }
@@ -131,21 +152,21 @@ pub(crate) fn tangents(py: Python<'_>, arms: &[Arm], m: usize) -> PyResult<Py<Py
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct Fold {
     /// The point (y, parameter), shape (m,).
-    x: Py<PyArray1<f64>>,
+    pub(crate) x: Py<PyArray1<f64>>,
     /// The parameter.
-    parameter: f64,
+    pub(crate) parameter: f64,
     /// "kink" where pieces change at the fold, "smooth" inside a cell.
-    kind: &'static str,
+    pub(crate) kind: String,
     /// Arclength from the start of the branch; None in diagrams.
-    arclength: Option<f64>,
+    pub(crate) arclength: Option<f64>,
 }
 
 impl Fold {
-    pub(crate) fn new(py: Python<'_>, x: &[f64], kind: &'static str, arclength: Option<f64>) -> Self {
+    pub(crate) fn new(py: Python<'_>, x: &[f64], kind: &str, arclength: Option<f64>) -> Self {
         Self {
             x: PyArray1::from_slice(py, x).unbind(),
             parameter: x.last().copied().unwrap_or(f64::NAN),
-            kind,
+            kind: kind.to_owned(),
             arclength,
         }
     }
@@ -153,8 +174,9 @@ impl Fold {
 
 #[pymethods]
 impl Fold {
-    fn __repr__(&self) -> String {
-        format!("<Fold: {} at parameter {:?}>", self.kind, self.parameter)
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let parameter = number(self.parameter, &self.x.bind(py).to_vec()?);
+        Ok(format!("<Fold: {} at parameter {parameter}>", self.kind))
     }
 }
 
@@ -173,6 +195,15 @@ pub(crate) struct BranchPoint {
     pub(crate) complete: bool,
     /// Arclength from the start.
     pub(crate) arclength: f64,
+}
+
+#[pymethods]
+impl BranchPoint {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let parameter = number(self.parameter, &self.x.bind(py).to_vec()?);
+        let arms = counted(self.arms.bind(py).readonly().as_array().nrows() + 1, "arm");
+        Ok(format!("<BranchPoint: {arms} at parameter {parameter}>"))
+    }
 }
 
 /// A zero of a monitor on the curve.
@@ -204,7 +235,8 @@ impl Crossing {
 
 #[pymethods]
 impl Crossing {
-    fn __repr__(&self) -> String {
-        format!("<Crossing: {} = 0 at parameter {:?}>", self.name, self.parameter)
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let parameter = number(self.parameter, &self.x.bind(py).to_vec()?);
+        Ok(format!("<Crossing: {} = 0 at parameter {parameter}>", self.name))
     }
 }

@@ -11,24 +11,25 @@ use semismooth::contact::{DelassusIteration, DelassusOptions, DelassusProblem, D
 use crate::arrays::{matrix, python, rows, vector};
 use crate::complementarity::observed;
 use crate::errors::{Run, raised};
+use crate::names::size;
 
 /// How a frictional contact problem was solved, or not.
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct FrictionResult {
     /// The reactions, shape (contacts, dimension): columns N, T1 (and T2), in the units of M⁻¹ q.
-    reactions: Py<PyArray2<f64>>,
+    pub(crate) reactions: Py<PyArray2<f64>>,
     /// The velocities u = M r + q, shape (contacts, dimension).
-    velocities: Py<PyArray2<f64>>,
+    pub(crate) velocities: Py<PyArray2<f64>>,
     /// The state of each contact: "open", "stick", "slip+" where it slips along T1, "slip-" where against it.
-    states: Vec<&'static str>,
+    pub(crate) states: Vec<String>,
     /// "solved", or why the problem is not.
-    status: &'static str,
+    pub(crate) status: String,
     /// The residual, scaled and contact by contact, measured at the reactions.
-    residual: f64,
+    pub(crate) residual: f64,
     /// Factorisations.
-    factorisations: usize,
+    pub(crate) factorisations: usize,
     /// The iterates, each a dict of "index", "phase", "residual", "alpha", "work" and "success".
-    history: Py<PyAny>,
+    pub(crate) history: Py<PyAny>,
 }
 
 #[pymethods]
@@ -51,8 +52,9 @@ impl FrictionResult {
 
     fn __repr__(&self) -> String {
         format!(
-            "<FrictionResult: {}, residual {:.1e}>",
-            self.status, self.residual
+            "<FrictionResult: {}, residual {}>",
+            self.status,
+            size(self.residual)
         )
     }
 }
@@ -116,8 +118,8 @@ fn solve_friction(
     Ok(FrictionResult {
         reactions: rows(py, dimension, [report.r.as_slice()])?.unbind(),
         velocities: rows(py, dimension, [report.u.as_slice()])?.unbind(),
-        states: report.states.iter().map(|s| s.name()).collect(),
-        status: report.status.name(),
+        states: report.states.iter().map(|s| s.name().to_owned()).collect(),
+        status: report.status.name().to_owned(),
         residual: report.residual,
         factorisations: report.factorisations,
         history: python(py, &report.history)?.unbind(),

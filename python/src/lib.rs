@@ -15,7 +15,11 @@ mod laws;
 mod lists;
 mod map;
 mod mesh;
+mod names;
+mod saving;
 mod solution;
+mod structure;
+mod text;
 mod transition_set;
 mod variational;
 
@@ -43,5 +47,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     body::register(module)?;
     laws::register(module)?;
     contact::register(module)?;
-    solution::register(module)
+    solution::register(module)?;
+    saving::register(module)?;
+    module.add("__version__", env!("CARGO_PKG_VERSION"))
 }

@@ -1,5 +1,6 @@
 //! Maps made of formulas, traced from Python functions.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2};
@@ -12,18 +13,25 @@ use semismooth::sparse::{Matrix, Pattern};
 
 use crate::arrays::{counted, dense, names, vector};
 use crate::errors::Run;
-use crate::expressions::{Expression, Node, Operand, Page, Smooth, write};
+use crate::expressions::{Expression, Node, Operand, Page, Smooth, Writing, write};
+use crate::saving::{data, data_of, state_of};
+use crate::structure::{Structure, structure};
+use crate::text::text;
 
 /// A formula: the nodes that its values need, in an order in which each comes after its arguments.
 pub(crate) struct Formula {
     variables: usize,
     nodes: Vec<Node>,
     values: Vec<usize>,
+    structure: Structure,
+    /// The names that the function gives to its kinks, site by site.
+    names: Vec<Option<String>>,
 }
 
 impl Formula {
     /// The nodes on which the values depend: kinks that do not affect them are no sites.
-    fn new(variables: usize, page: &[Node], values: &[usize]) -> Self {
+    fn new(variables: usize, written: &Writing, values: &[usize]) -> Self {
+        let page = &written.nodes;
         let mut needed = vec![false; page.len()];
         values.iter().for_each(|&v| needed[v] = true);
         for at in (0..page.len()).rev() {
@@ -33,16 +41,26 @@ impl Formula {
             }
         }
         let mut place = vec![0; page.len()];
-        let mut nodes = Vec::new();
+        let (mut nodes, mut names) = (Vec::new(), Vec::new());
         for (at, node) in page.iter().enumerate().filter(|(at, _)| needed[*at]) {
             place[at] = nodes.len();
             nodes.push(node.moved(|a| place[a]));
+            if node.is_kink() {
+                names.push(written.names.get(&at).cloned());
+            }
         }
+        let values: Vec<usize> = values.iter().map(|&v| place[v]).collect();
         Self {
+            structure: structure(variables, &nodes, &values),
             variables,
             nodes,
-            values: values.iter().map(|&v| place[v]).collect(),
+            values,
+            names,
         }
+    }
+
+    fn name(&self, site: usize) -> Option<&str> {
+        self.names.get(site)?.as_deref()
     }
 
     fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
@@ -69,7 +87,13 @@ impl Formula {
                     Smooth::Sinh => v[a].sinh(),
                     Smooth::Cosh => v[a].cosh(),
                     Smooth::Tanh => v[a].tanh(),
+                    Smooth::Asin => v[a].asin(),
+                    Smooth::Acos => v[a].acos(),
+                    Smooth::Ln1p => v[a].ln_1p(),
+                    Smooth::Expm1 => v[a].exp_m1(),
+                    Smooth::Cbrt => v[a].cbrt(),
                 },
+                Node::Atan2(a, b) => v[a].atan2(v[b]),
                 Node::Max(a, b) => kinks.max(v[a], v[b]),
                 Node::Min(a, b) => kinks.min(v[a], v[b]),
                 Node::Abs(a) => kinks.abs(v[a]),
@@ -103,6 +127,33 @@ impl NonsmoothFunction for Watched<'_> {
             true => out.fill(T::from(f64::NAN)),
             false => self.formula.eval(x, kinks, out),
         }
+    }
+
+    fn pattern(&self) -> Pattern {
+        self.formula.structure.pattern.clone()
+    }
+
+    fn dependencies(&self, rows: &mut [Vec<usize>], variables: &mut [Vec<usize>], nested: &mut bool) -> bool {
+        let known = &self.formula.structure.dependencies;
+        rows.clone_from_slice(&known.rows);
+        variables.clone_from_slice(&known.variables);
+        *nested = known.nested;
+        true
+    }
+
+    fn site_name(&self, site: usize) -> Option<Cow<'_, str>> {
+        self.formula.name(site).map(Cow::Borrowed)
+    }
+
+    fn piece_name(&self, site: usize, piece: usize) -> Option<Cow<'_, str>> {
+        let name = self.formula.name(site)?;
+        let kinks = self.formula.nodes.iter().filter(|node| node.is_kink());
+        let words: &[&str] = match kinks.skip(site).map(|node| *node).next()? {
+            Node::Abs(_) => &["positive", "negative"],
+            Node::Project(..) => &["lower", "interior", "upper"],
+            _ => &["first", "second"],
+        };
+        Some(Cow::Owned(format!("{name}: {}", words.get(piece)?)))
     }
 }
 
@@ -156,6 +207,26 @@ impl Map {
         &self.own
     }
 
+    /// What legends call a piece: its formula, after the name of the site if it has one.
+    pub(crate) fn label(&self, site: usize, piece: usize, variables: &[String]) -> Option<String> {
+        let formula = &self.formula;
+        let kink = formula.nodes.iter().filter(|node| node.is_kink()).nth(site)?;
+        let of = |at: usize| text(&formula.nodes, at, variables);
+        let own = match (*kink, piece) {
+            (Node::Max(a, _) | Node::Min(a, _) | Node::Abs(a) | Node::Switch(_, a, _), 0) => of(a)?,
+            (Node::Max(_, b) | Node::Min(_, b) | Node::Switch(_, _, b), 1) => of(b)?,
+            (Node::Abs(a), 1) => format!("−({})", of(a)?),
+            (Node::Project(lower, ..), 0) => of(lower)?,
+            (Node::Project(_, z, _), 1) => of(z)?,
+            (Node::Project(_, _, upper), 2) => of(upper)?,
+            _ => return None,
+        };
+        Some(match formula.name(site) {
+            Some(name) => format!("{name}: {own}"),
+            None => own,
+        })
+    }
+
     /// The map in a run that Python can end.
     pub(crate) fn traced<'r>(&self, run: &'r Run) -> Traced<Watched<'r>> {
         Traced::new(Watched {
@@ -177,6 +248,42 @@ impl Map {
         self.own.jacobian(&piecewise::select(&self.own, x), x, &mut jac);
         let gradient = (0..x.len()).map(|k| jac.get(0, k)).collect();
         (self.first_value(x), gradient)
+    }
+
+    pub(crate) fn state<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (py, formula) = (slf.py(), &slf.get().formula);
+        state_of(
+            py,
+            &[
+                ("variables", data_of(py, &formula.variables)?),
+                ("nodes", data_of(py, &formula.nodes)?),
+                ("values", data_of(py, &formula.values)?),
+                ("names", data_of(py, &formula.names)?),
+            ],
+        )
+    }
+
+    pub(crate) fn restored<'py>(py: Python<'py>, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+        let (variables, names) = (data(state, "variables")?, data(state, "names")?);
+        let (nodes, values): (Vec<Node>, Vec<usize>) = (data(state, "nodes")?, data(state, "values")?);
+        let behind = |at: usize, node: &Node| match node {
+            Node::Variable(k) => *k < variables,
+            node => node.arguments().into_iter().flatten().all(|a| a < at),
+        };
+        let fits = nodes.iter().enumerate().all(|(at, node)| behind(at, node));
+        if !fits || values.iter().any(|v| *v >= nodes.len()) {
+            return Err(PyValueError::new_err(
+                "the saved formula refers to what it does not have",
+            ));
+        }
+        let formula = Formula {
+            structure: structure(variables, &nodes, &values),
+            variables,
+            nodes,
+            values,
+            names,
+        };
+        Ok(Bound::new(py, Self::new(formula))?.into_any())
     }
 
     fn point(&self, x: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
@@ -245,10 +352,12 @@ impl Map {
 
 /// Runs ``function(x)`` once on an array x of ``num_vars`` variables, and keeps what it computes as a :class:`Map`.
 ///
-/// The function may use arithmetic, numpy's ``sqrt exp log sin cos tan arctan sinh cosh tanh`` and linear algebra made of sums and products
-/// (``M @ x``), and :func:`maximum`, :func:`minimum`, ``abs``, :func:`clip` and :func:`where` for its kinks. It returns n values. Python's ``if``
-/// on values, ``math.sin`` and ``numpy.maximum`` raise ``TypeError``. Afterwards no Python runs: what the function reads elsewhere (time,
-/// globals, random numbers) is kept as it was in that one call.
+/// The function may use arithmetic, numpy's functions (``numpy.maximum``, ``where``, ``clip``, ``sum``, ``interp``, …), ``max``, ``min``, ``math``, products with
+/// matrices, those of scipy.sparse among them, and returns n values. Python's ``if`` on values raises ``TypeError``: write ``numpy.where``.
+/// Afterwards no Python runs: what the function reads elsewhere (time, globals, random numbers) is kept as it was in that one call.
+///
+/// In the module of the function (and in those of functions it names) numpy, ``math``, ``max`` and ``min`` are replaced by versions that can hold traced
+/// variables (:mod:`semismooth.numpy`) for the time of this call; other threads see no difference.
 ///
 /// >>> import semismooth as ss
 /// >>> ramp = ss.trace(lambda x: [ss.maximum(x[0], 0) - x[1]], 2)
@@ -256,16 +365,13 @@ impl Map {
 /// array([2.])
 #[pyfunction]
 pub(crate) fn trace(py: Python<'_>, function: &Bound<'_, PyAny>, num_vars: usize) -> PyResult<Map> {
-    let (page, numpy) = (Page::default(), py.import("numpy")?);
+    let page = Page::default();
     let variables: Vec<Py<Expression>> = (0..num_vars)
         .map(|k| Py::new(py, Expression::new(&page, Node::Variable(k))))
         .collect::<PyResult<_>>()?;
-    let objects = PyDict::new(py);
-    objects.set_item("dtype", "object")?;
-    let x = numpy.call_method("array", (variables,), Some(&objects))?;
-    let values = numpy.call_method("asarray", (function.call1((x,))?,), Some(&objects))?;
+    let run = py.import("semismooth._arrays")?.getattr("run")?;
     let mut found = Vec::new();
-    for value in values.call_method0("ravel")?.try_iter()? {
+    for value in run.call1((function, variables))?.try_iter()? {
         let value = value?;
         let operand = Operand::of(&value).ok_or_else(|| {
             PyTypeError::new_err(format!(
@@ -275,8 +381,7 @@ pub(crate) fn trace(py: Python<'_>, function: &Bound<'_, PyAny>, num_vars: usize
         })?;
         found.push(operand.on(&page)?);
     }
-    let formula = Formula::new(num_vars, &write(&page).nodes, &found);
-    Ok(Map::new(formula))
+    Ok(py.detach(|| Map::new(Formula::new(num_vars, &write(&page), &found))))
 }
 
 /// The map itself, or one traced.

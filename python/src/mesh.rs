@@ -8,6 +8,7 @@ use semismooth::fem::{self, BoundaryFacet, CellKind};
 
 use crate::arrays::{counted, indices, rows, truncated};
 use crate::errors::raised;
+use crate::saving::{data, data_of, state_of};
 
 const KINDS: [(CellKind, &str, &str); 4] = [
     (CellKind::Triangle, "triangle", "triangle"),
@@ -41,6 +42,18 @@ type Block<'py> = (&'static str, Bound<'py, PyArray2<i64>>);
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Mesh {
     pub(crate) mesh: fem::Mesh,
+}
+
+impl Mesh {
+    pub(crate) fn state<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let py = slf.py();
+        state_of(py, &[("mesh", data_of(py, &slf.get().mesh)?)])
+    }
+
+    pub(crate) fn restored<'py>(py: Python<'py>, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+        let mesh = data(state, "mesh")?;
+        Ok(Bound::new(py, Self { mesh })?.into_any())
+    }
 }
 
 #[pymethods]

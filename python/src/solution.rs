@@ -13,6 +13,7 @@ use semismooth::continuation::ContinuationOptions;
 use crate::arrays::{python, rows, vector};
 use crate::contact::{ContactProblem, Form, Reduced, Route, begun, of_form, point};
 use crate::errors::{Run, raised};
+use crate::names::number;
 
 /// A solution of a contact problem, node by node. Forces are nodal forces: divided by :attr:`ContactProblem.areas` they are pressures.
 #[pyclass(frozen, module = "semismooth")]
@@ -219,8 +220,8 @@ impl ContactSolution {
     fn __repr__(&self) -> String {
         let (open, stick, slip) = self.counts();
         format!(
-            "<ContactSolution at parameter {:?}: {open} open, {stick} stick, {slip} slip>",
-            self.parameter()
+            "<ContactSolution at parameter {}: {open} open, {stick} stick, {slip} slip>",
+            number(self.parameter(), &self.x)
         )
     }
 }
@@ -257,7 +258,8 @@ pub(crate) struct EvolutionStep {
 #[pymethods]
 impl EvolutionStep {
     fn __repr__(&self) -> String {
-        format!("<EvolutionStep to parameter {:?}: {}>", self.level, self.arrival)
+        let level = number(self.level, &[]);
+        format!("<EvolutionStep to parameter {level}: {}>", self.arrival)
     }
 }
 

@@ -15,20 +15,20 @@ use crate::errors::{Run, raised};
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct CharacterChange {
     /// The point (y, α, β), shape (n + 2,).
-    x: Py<PyArray1<f64>>,
+    pub(crate) x: Py<PyArray1<f64>>,
     /// Whether the transitions before it, in the direction of travel, are folds.
-    folds_before: bool,
+    pub(crate) folds_before: bool,
 }
 
 /// A transition as a curve in a second parameter.
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct TransitionCurve {
     /// The points (y, α, β), the second parameter last. Its own transitions are points of codimension two.
-    branch: Py<Branch>,
+    pub(crate) branch: Py<Branch>,
     /// For each point of the branch, whether α folds there; None where that is not known.
-    folds: Vec<Option<bool>>,
+    pub(crate) folds: Vec<Option<bool>>,
     /// Where ``folds`` changes between transitions of the branch.
-    character_changes: Vec<Py<CharacterChange>>,
+    pub(crate) character_changes: Vec<Py<CharacterChange>>,
 }
 
 /// Follows a transition of a two-parameter family H(y, α, β) = 0 as a curve in β: the points at which one test function vanishes.

@@ -11,33 +11,34 @@ use semismooth::cones::{Cone, ConeIteration, ConeOptions, ConeProblem, ConeSolve
 use semismooth::sparse::Matrix;
 use semismooth::variational::{Polyhedron, Vi, ViSolver};
 
-use crate::arrays::{bound, matrix, python, vector};
+use crate::arrays::{bound, matrix, python, start, vector};
 use crate::complementarity::{Derivative, observed};
 use crate::errors::{Run, raised};
+use crate::names::size;
 
 /// How a variational inequality was solved, or not.
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct ViResult {
     /// The solution, or the best point, shape (n,).
-    x: Py<PyArray1<f64>>,
+    pub(crate) x: Py<PyArray1<f64>>,
     /// "solved", "empty set" and "no solution" (both proven), or a status of :class:`McpResult`.
-    status: String,
+    pub(crate) status: String,
     /// ‖x − P(x − F(x))‖_∞ with the projection P on the set, measured at x.
-    residual: f64,
+    pub(crate) residual: f64,
     /// Multipliers λ ≥ 0 of A x ≤ b, shape (m,).
-    inequalities: Py<PyArray1<f64>>,
+    pub(crate) inequalities: Py<PyArray1<f64>>,
     /// Multipliers μ of E x = d, shape (k,).
-    equations: Py<PyArray1<f64>>,
+    pub(crate) equations: Py<PyArray1<f64>>,
     /// Multipliers of the lower bounds, shape (n,).
-    lower: Py<PyArray1<f64>>,
+    pub(crate) lower: Py<PyArray1<f64>>,
     /// Multipliers of the upper bounds, shape (n,): F(x) + Aᵀλ + Eᵀμ = lower − upper.
-    upper: Py<PyArray1<f64>>,
+    pub(crate) upper: Py<PyArray1<f64>>,
     /// Where there is no solution, the direction of recession v with sup F(x)ᵀv < 0 that proves it, if one was found.
-    ray: Option<Py<PyArray1<f64>>>,
+    pub(crate) ray: Option<Py<PyArray1<f64>>>,
     /// Iterations.
-    iterations: usize,
+    pub(crate) iterations: usize,
     /// The iterates, as those of :class:`McpResult`.
-    history: Py<PyAny>,
+    pub(crate) history: Py<PyAny>,
 }
 
 #[pymethods]
@@ -49,7 +50,7 @@ impl ViResult {
     }
 
     fn __repr__(&self) -> String {
-        format!("<ViResult: {}, residual {:.1e}>", self.status, self.residual)
+        format!("<ViResult: {}, residual {}>", self.status, size(self.residual))
     }
 }
 
@@ -112,7 +113,7 @@ fn solve_vi(
     callback: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<ViResult> {
-    let mut x = vector(x0, "x0")?;
+    let mut x = start(x0, "x0")?;
     let n = x.len();
     let lower = bound(lower, n, f64::NEG_INFINITY, "lower")?;
     let upper = bound(upper, n, f64::INFINITY, "upper")?;
@@ -151,19 +152,19 @@ fn solve_vi(
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct ConeResult {
     /// The solution, or the best point, shape (n,).
-    x: Py<PyArray1<f64>>,
+    pub(crate) x: Py<PyArray1<f64>>,
     /// "solved", "no solution" (proven by ``ray``), "stalled", "iteration limit", "time limit", "evaluation failure" or "interrupted".
-    status: String,
+    pub(crate) status: String,
     /// ‖x − P(x − F(x))‖_∞ with the projection P on the cones.
-    residual: f64,
+    pub(crate) residual: f64,
     /// The error that is compared with the tolerance, scaled for each cone.
-    error: f64,
+    pub(crate) error: f64,
     /// Where there is no solution, v in K with −Mᵀv in K* and qᵀv < 0, shape (n,).
-    ray: Option<Py<PyArray1<f64>>>,
+    pub(crate) ray: Option<Py<PyArray1<f64>>>,
     /// Iterations.
-    iterations: usize,
+    pub(crate) iterations: usize,
     /// The iterates, each a dict of "attempt", "merit", "mu" and "damping".
-    history: Py<PyAny>,
+    pub(crate) history: Py<PyAny>,
 }
 
 #[pymethods]
@@ -175,7 +176,7 @@ impl ConeResult {
     }
 
     fn __repr__(&self) -> String {
-        format!("<ConeResult: {}, residual {:.1e}>", self.status, self.residual)
+        format!("<ConeResult: {}, residual {}>", self.status, size(self.residual))
     }
 }
 
@@ -227,7 +228,7 @@ fn solve_cone(
     };
     let cones: Vec<Cone> = cones.into_iter().map(cone).collect::<PyResult<_>>()?;
     let n = cones.iter().map(|c| c.len()).sum();
-    let mut x = x0.map_or_else(|| Ok(vec![0.0; n]), |x0| vector(x0, "x0"))?;
+    let mut x = x0.map_or_else(|| Ok(vec![0.0; n]), |x0| start(x0, "x0"))?;
     let derivative = Derivative::new(F, jac, pattern, &x, n)?;
     let options: ConeOptions = crate::arrays::options(options, py)?;
     let report = Run::detached(py, |run| {

@@ -408,7 +408,13 @@ macro_rules! curved {
 }
 
 impl Real for Affine<'_> {
-    curved!(sqrt, exp, ln, sin, cos, tan, atan, sinh, cosh, tanh);
+    curved!(
+        sqrt, exp, ln, sin, cos, tan, atan, sinh, cosh, tanh, asin, acos, ln_1p, exp_m1, cbrt
+    );
+
+    fn atan2(self, other: Self) -> Self {
+        self.inexact(other, self.number().atan2(other.number()))
+    }
 
     fn value(&self) -> f64 {
         // A branch on what is not known: the evaluation holds on one side of it only.

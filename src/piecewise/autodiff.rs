@@ -63,6 +63,19 @@ pub trait NonsmoothFunction {
         })
     }
 
+    /// Writes down, where the function knows it without being evaluated, the residuals that depend on the piece of each site, the
+    /// variables of each test function (in the order of sites; a projection has two), and whether a test function depends on a piece. What
+    /// is not known (`false`) is found by tracing, which takes time in proportion to the square of the number of variables and kinks.
+    #[doc(hidden)]
+    fn dependencies(
+        &self,
+        _rows: &mut [Vec<usize>],
+        _variables: &mut [Vec<usize>],
+        _nested: &mut bool,
+    ) -> bool {
+        false
+    }
+
     /// Name of a site, in the order of the calls on `kinks`, for tables and pictures. Default: none, the site has a number.
     fn site_name(&self, _site: usize) -> Option<Cow<'_, str>> {
         None
@@ -71,6 +84,56 @@ pub trait NonsmoothFunction {
     /// Name of a piece of a site. Default: none, the name comes from the kind of kink ("first", "second", "lower", "interior", "upper").
     fn piece_name(&self, _site: usize, _piece: usize) -> Option<Cow<'_, str>> {
         None
+    }
+}
+
+/// What the kinks of a function depend on, and what depends on them, whichever pieces are chosen.
+struct Dependencies {
+    /// The residuals that depend on the piece of each site.
+    rows: Vec<Vec<usize>>,
+    /// The variables of each test function.
+    variables: Vec<Vec<usize>>,
+    /// Whether a test function depends on a piece.
+    nested: bool,
+}
+
+impl Dependencies {
+    fn new(function: &impl NonsmoothFunction, x: &[f64], sites: usize, tests: usize) -> Self {
+        let empty = || Self {
+            rows: vec![Vec::new(); sites],
+            variables: vec![Vec::new(); tests],
+            nested: false,
+        };
+        let mut own = empty();
+        if !function.dependencies(&mut own.rows, &mut own.variables, &mut own.nested) {
+            own = empty();
+            own.trace(function, x, sites, tests);
+        }
+        own
+    }
+
+    /// By evaluations over sets of labels.
+    fn trace(&mut self, function: &impl NonsmoothFunction, x: &[f64], sites: usize, tests: usize) {
+        let m = x.len();
+        let found = structure(function.num_residuals(), m + sites, x, &mut |x, first, out| {
+            let mut found = Vec::with_capacity(tests);
+            let mode = Mode::Labelled {
+                behind: m,
+                first,
+                tests: &mut found,
+            };
+            function.eval(x, &mut Kinks::new(mode), out);
+            for (variables, labels) in self.variables.iter_mut().zip(&found) {
+                let last = m.saturating_sub(first).min(LABELS);
+                variables.extend(members(labels).take_while(|l| *l < last).map(|l| first + l));
+                self.nested |= members(labels).any(|l| l >= last);
+            }
+        });
+        for (row, index) in found {
+            if let Some(rows) = index.checked_sub(m).and_then(|site| self.rows.get_mut(site)) {
+                rows.push(row);
+            }
+        }
     }
 }
 
@@ -318,28 +381,11 @@ impl<F: NonsmoothFunction> Traced<F> {
         function.eval(&x, &mut Kinks::new(Mode::Record(&mut kinds)), &mut out);
         let pattern = function.pattern();
         let num_tests = kinds.iter().map(|k| k.tests()).sum();
-        let mut rows = vec![Vec::new(); kinds.len()];
-        let mut variables = vec![Vec::new(); num_tests];
-        let mut nested = false;
-        let found = structure(n, m + kinds.len(), &x, &mut |x, first, out| {
-            let mut tests = Vec::with_capacity(num_tests);
-            let mode = Mode::Labelled {
-                behind: m,
-                first,
-                tests: &mut tests,
-            };
-            function.eval(x, &mut Kinks::new(mode), out);
-            for (own, labels) in variables.iter_mut().zip(&tests) {
-                let last = m.saturating_sub(first).min(LABELS);
-                own.extend(members(labels).take_while(|l| *l < last).map(|l| first + l));
-                nested |= members(labels).any(|l| l >= last);
-            }
-        });
-        for (row, index) in found {
-            if let Some(rows) = index.checked_sub(m).and_then(|site| rows.get_mut(site)) {
-                rows.push(row);
-            }
-        }
+        let Dependencies {
+            rows,
+            variables,
+            nested,
+        } = Dependencies::new(&function, &x, kinds.len(), num_tests);
         let mut traced = Self {
             coloring: Coloring::new(&pattern),
             affine: !nested && function.is_piecewise_affine(),

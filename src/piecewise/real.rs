@@ -41,6 +41,38 @@ pub trait Real:
     /// tanh x
     #[must_use]
     fn tanh(self) -> Self;
+    /// arcsin x, in [−π/2, π/2]; NaN for |x| > 1. This and the next five are composed of the functions above unless a scalar defines them.
+    #[must_use]
+    fn asin(self) -> Self {
+        (self / ((-self + 1.0) * (self + 1.0)).sqrt()).atan()
+    }
+    /// arccos x, in [0, π]; NaN for |x| > 1
+    #[must_use]
+    fn acos(self) -> Self {
+        ((-self + 1.0) / (self + 1.0)).sqrt().atan() * 2.0
+    }
+    /// ln(1 + x); the scalars of this crate keep all digits near 0
+    #[must_use]
+    fn ln_1p(self) -> Self {
+        (self + 1.0).ln()
+    }
+    /// eˣ − 1; the scalars of this crate keep all digits near 0
+    #[must_use]
+    fn exp_m1(self) -> Self {
+        let half = self * 0.5;
+        half.exp() * half.sinh() * 2.0
+    }
+    /// The real cube root of x, which is negative where x is; its slope at 0 is infinite
+    #[must_use]
+    fn cbrt(self) -> Self {
+        self * (self * self).powf(-1.0 / 3.0)
+    }
+    /// The angle of the point (x, y) = (other, self), in (−π, π], as `f64::atan2`; it jumps by 2π across the half-line x < 0, y = 0
+    #[must_use]
+    fn atan2(self, other: Self) -> Self {
+        let radius = (self * self + other * other).sqrt();
+        (self / (radius + other)).atan() * 2.0
+    }
     /// xⁿ
     #[must_use]
     fn powi(self, n: i32) -> Self;
@@ -101,6 +133,24 @@ impl Real for f64 {
     }
     fn tanh(self) -> Self {
         f64::tanh(self)
+    }
+    fn asin(self) -> Self {
+        f64::asin(self)
+    }
+    fn acos(self) -> Self {
+        f64::acos(self)
+    }
+    fn ln_1p(self) -> Self {
+        f64::ln_1p(self)
+    }
+    fn exp_m1(self) -> Self {
+        f64::exp_m1(self)
+    }
+    fn cbrt(self) -> Self {
+        f64::cbrt(self)
+    }
+    fn atan2(self, other: Self) -> Self {
+        f64::atan2(self, other)
     }
     fn powi(self, n: i32) -> Self {
         f64::powi(self, n)

@@ -190,6 +190,27 @@ impl Real for Dependence {
     fn tanh(self) -> Self {
         self.map(f64::tanh)
     }
+    fn asin(self) -> Self {
+        self.map(f64::asin)
+    }
+    fn acos(self) -> Self {
+        self.map(f64::acos)
+    }
+    fn ln_1p(self) -> Self {
+        self.map(f64::ln_1p)
+    }
+    fn exp_m1(self) -> Self {
+        self.map(f64::exp_m1)
+    }
+    fn cbrt(self) -> Self {
+        self.map(f64::cbrt)
+    }
+    fn atan2(self, other: Self) -> Self {
+        Self {
+            value: self.value.atan2(other.value),
+            labels: join(self.labels, other.labels),
+        }
+    }
     fn powi(self, n: i32) -> Self {
         self.map(|v| v.powi(n))
     }

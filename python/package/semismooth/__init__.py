@@ -1,9 +1,9 @@
 """Piecewise-smooth equations and complementarity problems: solve them, follow their curves of solutions through every kink, list all their
 solutions.
 
-A problem is a Python function, run once on traced variables (:func:`trace`); its kinks are written with :func:`maximum`, :func:`minimum`,
-``abs``, :func:`clip` and :func:`where`. Afterwards no Python runs, derivatives are exact, and the pieces on both sides of every kink are
-known. Arrays are numpy's; matrices may be those of scipy.sparse.
+A problem is a Python function as it is written for numpy, run once on traced variables (:func:`trace`); its kinks are numpy's ``maximum``,
+``minimum``, ``abs``, ``clip``, ``where``, ``interp``, or those of this module, which have names. Afterwards no Python runs, derivatives are
+exact, and the pieces on both sides of every kink are known. Matrices may be those of scipy.sparse.
 
 >>> import semismooth as ss
 >>> result = ss.solve_lcp([[2.0, 1.0], [1.0, 2.0]], [-5.0, -1.0])
@@ -46,11 +46,13 @@ from ._core import (
     TransitionCurve,
     Vertex,
     ViResult,
+    __version__,
     all_solutions,
     diagram,
     evolve,
     follow,
     lemke,
+    solve,
     solve_cone,
     solve_friction,
     solve_lcp,
@@ -61,6 +63,7 @@ from ._core import (
 )
 from ._fclib import FrictionProblem, read_fclib
 from ._functions import clip, maximum, minimum, where
+from ._saving import load, save
 
 __all__ = [
     "Body",
@@ -104,9 +107,12 @@ __all__ = [
     "evolve",
     "follow",
     "lemke",
+    "load",
     "maximum",
     "minimum",
     "read_fclib",
+    "save",
+    "solve",
     "solve_cone",
     "solve_friction",
     "solve_lcp",

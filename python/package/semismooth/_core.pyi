@@ -1,4 +1,4 @@
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
 from typing import Any, Literal, TypeAlias, TypedDict, final
 
@@ -47,15 +47,19 @@ __all__ = [
     "evolve",
     "follow",
     "lemke",
+    "solve",
     "solve_cone",
     "solve_friction",
     "solve_lcp",
     "solve_mcp",
     "solve_vi",
     "trace",
+    "traced_arctan2",
     "traced_clip",
     "traced_maximum",
     "traced_minimum",
+    "traced_name",
+    "traced_product",
     "traced_where",
     "transition_set",
 ]
@@ -64,7 +68,13 @@ _Vector: TypeAlias = NDArray[np.float64]
 _Matrix: TypeAlias = Any
 """An array of shape (n, n) or a matrix of scipy.sparse."""
 
+__version__: str
+
 class SemismoothError(ValueError): ...
+
+def _saved_classes() -> list[str]: ...
+def _state(object: Any) -> dict[str, Any]: ...
+def _restored(name: str, state: dict[str, Any]) -> Any: ...
 
 @final
 class Expression:
@@ -95,9 +105,26 @@ class Expression:
     def sinh(self) -> Expression: ...
     def cosh(self) -> Expression: ...
     def tanh(self) -> Expression: ...
+    def arcsin(self) -> Expression: ...
+    def arccos(self) -> Expression: ...
+    def log1p(self) -> Expression: ...
+    def expm1(self) -> Expression: ...
+    def cbrt(self) -> Expression: ...
+    def clip(self, min: Expression | float | None = None, max: Expression | float | None = None) -> Expression: ...
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any: ...
+    def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any: ...
 
 @final
-class Condition: ...
+class Condition:
+    def __and__(self, other: Condition | bool, /) -> Condition: ...
+    def __rand__(self, other: bool, /) -> Condition: ...
+    def __or__(self, other: Condition | bool, /) -> Condition: ...
+    def __ror__(self, other: bool, /) -> Condition: ...
+    def __invert__(self) -> Condition: ...
+    def __mul__(self, other: Expression | float, /) -> Expression: ...
+    def __rmul__(self, other: Expression | float, /) -> Expression: ...
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any: ...
+    def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any: ...
 
 @final
 class Map:
@@ -116,6 +143,9 @@ def traced_maximum(a: Any, b: Any) -> Expression: ...
 def traced_minimum(a: Any, b: Any) -> Expression: ...
 def traced_clip(x: Any, lower: Any, upper: Any) -> Expression: ...
 def traced_where(condition: Any, a: Any, b: Any) -> Any: ...
+def traced_arctan2(y: Any, x: Any) -> Expression: ...
+def traced_name(expression: Any, name: str) -> None: ...
+def traced_product(starts: Any, indices: Any, coefficients: Any, x: list[Any]) -> list[Any]: ...
 
 @final
 class Lcp:
@@ -167,13 +197,22 @@ class _McpOptions(TypedDict, total=False):
     max_time: float | None
     stay_inside: bool
     equilibrate: bool
-    strategies: Sequence[str]
+    strategies: str | Sequence[str]
     fallbacks: bool
     max_path_size: int
     max_path_points: int
     max_nodes: int
     restarts: int
 
+def solve(
+    H: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
+    x0: ArrayLike,
+    jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
+    *,
+    pattern: _Matrix | None = None,
+    callback: Callable[[dict[str, Any]], Any] | None = None,
+    **options: Unpack[_McpOptions],
+) -> McpResult: ...
 def solve_lcp(
     M: _Matrix,
     q: ArrayLike,
@@ -186,8 +225,8 @@ def solve_lcp(
 ) -> McpResult: ...
 def solve_mcp(
     F: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
-    lower: ArrayLike,
-    upper: ArrayLike,
+    lower: ArrayLike | None,
+    upper: ArrayLike | None,
     x0: ArrayLike,
     jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
     *,
@@ -270,6 +309,9 @@ class SolutionSet:
     @property
     def nodes(self) -> int: ...
     def __len__(self) -> int: ...
+    def __iter__(self) -> Iterator[Solution]: ...
+    def __getitem__(self, index: int, /) -> Solution: ...
+    def _repr_html_(self) -> str: ...
 
 class _EnumerationOptions(TypedDict, total=False):
     max_nodes: int
@@ -279,7 +321,12 @@ class _EnumerationOptions(TypedDict, total=False):
     merge_distance: float
 
 def all_solutions(
-    problem: Lcp | Map | ContactProblem, parameter: float = 0.0, **options: Unpack[_EnumerationOptions]
+    problem: Callable[[Any], Any] | Map | Lcp | ContactProblem,
+    parameter: float = 0.0,
+    *,
+    num_vars: int | None = None,
+    starts: ArrayLike | None = None,
+    **options: Unpack[_EnumerationOptions],
 ) -> SolutionSet: ...
 
 @final
@@ -384,6 +431,10 @@ class Branch:
     def factorisations(self) -> int: ...
     @property
     def corrections(self) -> int: ...
+    @property
+    def names(self) -> list[str]: ...
+    def __iter__(self) -> Iterator[_Vector]: ...
+    def _repr_html_(self) -> str: ...
     def __len__(self) -> int: ...
     def to_pandas(self) -> Any: ...
     def plot(self, ax: Any = None, x: _Drawn = None, y: _Drawn = None, **style: Any) -> Any: ...
@@ -426,6 +477,7 @@ def follow(
     monitors: dict[str, Callable[[_Vector], float] | Map] | None = None,
     stops: dict[str, Callable[[_Vector], float] | Map] | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
+    names: Sequence[str] | None = None,
     **options: Unpack[_FollowOptions],
 ) -> Branch: ...
 
@@ -513,13 +565,16 @@ class Diagram:
     def branches(self) -> list[list[tuple[int, bool]]]: ...
     @property
     def isolas(self) -> list[list[tuple[int, bool]]]: ...
+    @property
+    def names(self) -> list[str]: ...
+    def _repr_html_(self) -> str: ...
     def solutions_at(self, parameter: float) -> _Vector: ...
     def to_pandas(self) -> Any: ...
     def plot(self, ax: Any = None, x: _Drawn = None, y: _Drawn = None, **style: Any) -> Any: ...
 
 def diagram(
     H: Callable[[Any], Any] | Map | ContactProblem | tuple[_Matrix, ArrayLike],
-    starts: ArrayLike | Sequence[ContactSolution],
+    starts: ArrayLike | ContactSolution | Sequence[ContactSolution],
     parameter_range: tuple[float, float] | None = None,
     *,
     jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
@@ -531,6 +586,7 @@ def diagram(
     max_edges: int | None = None,
     max_points: int | None = None,
     same_point: float | None = None,
+    names: Sequence[str] | None = None,
     **options: Unpack[_ContinuationOptions],
 ) -> Diagram: ...
 
@@ -598,7 +654,7 @@ class _ConeOptions(TypedDict, total=False):
     tolerance: float
     max_iterations: int
     max_time: float | None
-    strategies: Sequence[str]
+    strategies: str | Sequence[str]
     restarts: int
 
 def solve_cone(

@@ -1,41 +1,51 @@
 """Kinks, element by element: traced for expressions, numpy's functions for numbers."""
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from . import _core
+from . import _arrays, _core
 
 
-def _elementwise(traced: Callable[..., Any], plain: Callable[..., Any], *arguments: Any) -> Any:
-    arrays = [np.asarray(a) for a in arguments]
+def _kink(traced: Callable[..., Any], plain: Callable[..., Any], arguments: tuple[Any, ...], name: str | None) -> Any:
+    arrays = [np.asarray(_arrays._plain(a)) for a in arguments]
     if all(a.dtype != object for a in arrays):
         return plain(*arguments)
-    return np.frompyfunc(traced, len(arrays), 1)(*arrays)
+    result = np.frompyfunc(traced, len(arrays), 1)(*arrays)
+    if name is not None:
+        for index, value in np.ndenumerate(result):
+            own = name if len(index) == 0 else f"{name}[{', '.join(map(str, index))}]"
+            _core.traced_name(value, own)
+    return _arrays.wrap(result)
 
 
-def maximum(a: Any, b: Any) -> Any:
-    """The larger of a and b, element by element; each pair is a site with the pieces "first" and "second".
+def maximum(a: Any, b: Any, *more: Any, name: str | None = None) -> Any:
+    """The largest of a, b and more, element by element; each pair is a site with the pieces "first" and "second".
+
+    ``name`` names the site in pieces, tables and legends; elements of arrays are numbered.
 
     >>> import semismooth as ss
     >>> ss.maximum([1.0, -2.0], 0.0)
     array([1., 0.])
     """
-    return _elementwise(_core.traced_maximum, np.maximum, a, b)
+    of_two = functools.partial(_kink, _arrays.maximum_of_two, np.maximum, name=name)
+    return functools.reduce(lambda p, q: of_two((p, q)), (b, *more), a)
 
 
-def minimum(a: Any, b: Any) -> Any:
-    """The smaller of a and b, element by element; each pair is a site with the pieces "first" and "second"."""
-    return _elementwise(_core.traced_minimum, np.minimum, a, b)
+def minimum(a: Any, b: Any, *more: Any, name: str | None = None) -> Any:
+    """The smallest of a, b and more, element by element; each pair is a site with the pieces "first" and "second"."""
+    of_two = functools.partial(_kink, _arrays.minimum_of_two, np.minimum, name=name)
+    return functools.reduce(lambda p, q: of_two((p, q)), (b, *more), a)
 
 
-def clip(x: Any, lower: Any, upper: Any) -> Any:
+def clip(x: Any, lower: Any, upper: Any, *, name: str | None = None) -> Any:
     """The projection of x on [lower, upper], lower ≤ upper, element by element; each is a site with the pieces "lower", "interior", "upper"."""
-    return _elementwise(_core.traced_clip, np.clip, x, lower, upper)
+    return _kink(_arrays.clip_of_one, np.clip, (x, lower, upper), name)
 
 
-def where(condition: Any, a: Any, b: Any) -> Any:
+def where(condition: Any, a: Any, b: Any, *, name: str | None = None) -> Any:
     """a where the condition holds, else b, element by element; each comparison is a site with the pieces "first" and "second".
 
     The two formulas must agree where the sides of the comparison are equal: a map that jumps there is not piecewise smooth, and
@@ -46,7 +56,7 @@ def where(condition: Any, a: Any, b: Any) -> Any:
     >>> huber([0.5]), huber([2.0])
     (array([0.25]), array([3.]))
     """
-    return _elementwise(_core.traced_where, np.where, condition, a, b)
+    return _kink(_core.traced_where, np.where, (condition, a, b), name)
 
 
 def of_one(function: Callable[[Any], Any]) -> Callable[[Any], Any]:

@@ -2,6 +2,7 @@
 pictures (`Colour` and `Marker` in its module `output`)."""
 
 import csv
+import html
 import io
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -49,9 +50,10 @@ def branch_table(branch: Any) -> Any:
     import pandas
 
     points, pieces = branch.points, branch.pieces
+    names = branch.names or [f"x{i}" for i in range(points.shape[1] - 1)] + ["parameter"]
     columns = {"arclength": branch.arclength}
-    columns |= {f"x{i}": points[:, i] for i in range(points.shape[1] - 1)}
-    columns |= {"parameter": branch.parameter, "event": branch.events}
+    columns |= {name: points[:, i] for i, name in enumerate(names)}
+    columns |= {"event": branch.events}
     sites = len(pieces[0]) if pieces else 0
     columns |= {f"site{s}": [row[s] for row in pieces] for s in range(sites)}
     return pandas.DataFrame(columns)
@@ -74,7 +76,8 @@ def diagram_table(diagram: Any) -> Any:
     table = {"edge": integers("edge"), "arclength": numbers("arclength")} | {name: numbers(name) for name in values}
     table |= {"parameter": numbers("parameter"), "event": columns["event"], "det": integers("det")}
     sites = [name for name in names if name not in known + values]
-    return pandas.DataFrame(table | {f"site{s}": columns[name] for s, name in enumerate(sites)})
+    frame = pandas.DataFrame(table | {f"site{s}": columns[name] for s, name in enumerate(sites)})
+    return frame.rename(columns=dict(zip([*values, "parameter"], diagram.names)))
 
 
 def _values(points: Any, what: _Drawn) -> Any:
@@ -124,16 +127,18 @@ def _smooth(points: Any, departures: Any, arrivals: Any, x: _Drawn, y: _Drawn) -
     return np.hstack(parts) * unit
 
 
-def _label(what: _Drawn) -> str:
+def _label(what: _Drawn, names: Sequence[str]) -> str:
     if callable(what):
         return getattr(what, "__name__", "").replace("<lambda>", "")
+    if names:
+        return names[what]
     return "parameter" if what == -1 else f"x[{what}]"
 
 
 class _Picture:
     """Axes to which curves and marks are added, with one entry of the legend for each class of lines and kind of marks."""
 
-    def __init__(self, ax: Any, x: _Drawn | None, y: _Drawn | None, style: dict[str, Any] | None) -> None:
+    def __init__(self, found: Any, ax: Any, x: _Drawn | None, y: _Drawn | None, style: dict[str, Any] | None) -> None:
         if ax is None:
             from matplotlib import pyplot
 
@@ -141,6 +146,8 @@ class _Picture:
         self.ax, self.style = ax, {"linewidth": 2.0} | (style or {})
         self.x: _Drawn = -1 if x is None else x
         self.y: _Drawn = 0 if y is None else y
+        self.names: list[str] = found.names
+        self.words: list[dict[str, str]] = [dict(site) for site in found._legend]
         self.named = set(ax.get_legend_handles_labels()[1])
         self.classes: list[tuple[str, ...]] = []
 
@@ -158,7 +165,7 @@ class _Picture:
             if tuple(pieces) not in self.classes:
                 self.classes.append(tuple(pieces))
             look["color"] = _COLOURS[self.classes.index(tuple(pieces)) % len(_COLOURS)]
-            look["label"] = self.label(", ".join(pieces))
+            look["label"] = self.label(", ".join(words.get(piece, piece) for words, piece in zip(self.words, pieces)))
         style = look | {"linestyle": "--" if negative else "-"} | self.style
         self.ax.plot(*_smooth(points, *tangents, self.x, self.y), **style)
 
@@ -179,15 +186,15 @@ class _Picture:
         ax = self.ax
         if negative:
             ax.plot([], [], color=_COLOURS[4], linestyle="--", label=self.label("det < 0"))
-        ax.set_xlabel(ax.get_xlabel() or _label(self.x))
-        ax.set_ylabel(ax.get_ylabel() or _label(self.y))
+        ax.set_xlabel(ax.get_xlabel() or _label(self.x, self.names))
+        ax.set_ylabel(ax.get_ylabel() or _label(self.y, self.names))
         if ax.get_legend_handles_labels()[0]:
             ax.legend()
         return ax
 
 
 def plot_branch(branch: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | None) -> Any:
-    picture = _Picture(ax, x, y, style)
+    picture = _Picture(branch, ax, x, y, style)
     points, pieces, events = branch.points, branch.pieces, branch.events
     departures, arrivals = branch.tangents, branch._arrivals
     looks = [(tuple(p), (s or 0) < 0) for p, s in zip(pieces, branch._segment_signs)]
@@ -203,7 +210,7 @@ def plot_branch(branch: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | No
 
 
 def plot_diagram(diagram: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | None) -> Any:
-    picture = _Picture(ax, x, y, style)
+    picture = _Picture(diagram, ax, x, y, style)
     dashed = False
     for edge in diagram.edges:
         # Along an edge the determinant changes its sign at smooth folds alone.
@@ -219,3 +226,65 @@ def plot_diagram(diagram: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | 
     smooth = [("smooth fold", f.x) for f in diagram.folds if f.kind == "smooth"]
     picture.marks(vertices + starts + smooth)
     return picture.finish(dashed)
+
+
+def _number(value: float, largest: float) -> str:
+    """Six digits; 0 where it is rounding beside the largest number."""
+    return "0" if abs(value) <= 64 * np.finfo(float).eps * largest else f"{value:.6g}"
+
+
+def _table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    def cells(entries: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(str(e))}</{tag}>" for e in entries) + "</tr>"
+
+    body = "".join(cells(row, "td") for row in rows)
+    return f"<p>{html.escape(title)}</p>" + (f"<table>{cells(head, 'th')}{body}</table>" if body else "")
+
+
+#: Coordinates and rows of tables in notebooks.
+_COLUMNS, _ROWS = 6, 20
+
+
+def _point_rows(points: Iterable[tuple[str, Any]]) -> list[list[str]]:
+    rows = []
+    for kind, x in points:
+        largest = float(np.max(np.abs(x), initial=0.0))
+        first = x if len(x) <= _COLUMNS else [*x[: _COLUMNS - 1], x[-1]]
+        rows.append([kind, *(_number(v, largest) for v in first)])
+    return rows[:_ROWS]
+
+
+def _point_head(m: int, names: Sequence[str], parameter: bool) -> list[str]:
+    own = list(names) or [f"x[{i}]" for i in range(m - parameter)] + ["parameter"] * parameter
+    return own if m <= _COLUMNS else [*own[: _COLUMNS - 1], own[-1]]
+
+
+def _svg(draw: Callable[[Any], Any]) -> str:
+    """A picture as text, empty where matplotlib is not installed."""
+    try:
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
+        from matplotlib.figure import Figure
+    except ImportError:
+        return ""
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    draw(figure.add_subplot())
+    text = io.StringIO()
+    FigureCanvasSVG(figure).print_svg(text, metadata={"Date": None, "Creator": None})
+    return "<svg" + text.getvalue().partition("<svg")[2]
+
+
+def branch_html(branch: Any) -> str:
+    events = [(e, x) for e, x in zip(branch.events, branch.points) if e != "point"]
+    head = ["event", *_point_head(branch.points.shape[1], branch.names, True)]
+    return _svg(lambda ax: branch.plot(ax=ax)) + _table(repr(branch)[1:-1], head, _point_rows(events))
+
+
+def diagram_html(diagram: Any) -> str:
+    vertices = [(v.kind, v.x) for v in diagram.vertices]
+    head = ["kind", *_point_head(len(vertices[0][1]) if vertices else 1, diagram.names, True)]
+    return _svg(lambda ax: diagram.plot(ax=ax)) + _table(repr(diagram)[1:-1], head, _point_rows(vertices))
+
+
+def list_html(found: Any) -> str:
+    rows = _point_rows([("" if s.index is None else str(s.index), s.x) for s in found.solutions])
+    return _table(repr(found)[1:-1], ["index", *_point_head(found.points.shape[1], [], False)], rows)

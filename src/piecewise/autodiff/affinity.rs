@@ -210,7 +210,13 @@ macro_rules! curved {
 }
 
 impl Real for Graded<'_> {
-    curved!(sqrt, exp, ln, sin, cos, tan, atan, sinh, cosh, tanh);
+    curved!(
+        sqrt, exp, ln, sin, cos, tan, atan, sinh, cosh, tanh, asin, acos, ln_1p, exp_m1, cbrt
+    );
+
+    fn atan2(self, other: Self) -> Self {
+        self.with(other, self.value.atan2(other.value), |_, _| Degree::Curved)
+    }
 
     fn value(&self) -> f64 {
         // A branch on what is not known.

@@ -46,6 +46,33 @@ impl Real for Dual64 {
         let cosh = self.re.cosh();
         chain(self, self.re.tanh(), 1.0 / cosh / cosh)
     }
+    fn asin(self) -> Self {
+        let root = ((1.0 - self.re) * (1.0 + self.re)).sqrt();
+        chain(self, self.re.asin(), 1.0 / root)
+    }
+    fn acos(self) -> Self {
+        let root = ((1.0 - self.re) * (1.0 + self.re)).sqrt();
+        chain(self, self.re.acos(), -1.0 / root)
+    }
+    fn ln_1p(self) -> Self {
+        chain(self, self.re.ln_1p(), 1.0 / (1.0 + self.re))
+    }
+    fn exp_m1(self) -> Self {
+        chain(self, self.re.exp_m1(), self.re.exp())
+    }
+    fn cbrt(self) -> Self {
+        let root = self.re.cbrt();
+        chain(self, root, 1.0 / (3.0 * root * root))
+    }
+    fn atan2(self, other: Self) -> Self {
+        let angle = self.re.atan2(other.re);
+        if self.eps == 0.0 && other.eps == 0.0 {
+            return Dual64::new(angle, 0.0);
+        }
+        let radius = self.re.hypot(other.re);
+        let slope = (other.re / radius * self.eps - self.re / radius * other.eps) / radius;
+        Dual64::new(angle, slope)
+    }
     fn powi(self, n: i32) -> Self {
         DualNum::powi(&self, n)
     }

@@ -6,7 +6,7 @@
 //! place.
 
 use std::cell::Cell;
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
 
 use num_traits::{Num, One, Signed, Zero};
@@ -460,6 +460,47 @@ impl Real for Interval {
     }
     fn tanh(self) -> Self {
         self.growing(f64::tanh, -1.0, 1.0)
+    }
+    fn asin(self) -> Self {
+        if self.low >= -1.0 && self.high <= 1.0 {
+            self.growing(f64::asin, -FRAC_PI_2.next_up(), FRAC_PI_2.next_up())
+        } else {
+            Self::UNDEFINED
+        }
+    }
+    fn acos(self) -> Self {
+        if self.low >= -1.0 && self.high <= 1.0 {
+            let falling = |x: f64| -x.acos();
+            -self.growing(falling, -PI.next_up(), 0.0)
+        } else {
+            Self::UNDEFINED
+        }
+    }
+    fn ln_1p(self) -> Self {
+        if self.low > -1.0 {
+            self.growing(f64::ln_1p, f64::NEG_INFINITY, f64::INFINITY)
+        } else {
+            Self::UNDEFINED
+        }
+    }
+    fn exp_m1(self) -> Self {
+        self.growing(f64::exp_m1, -1.0, f64::INFINITY)
+    }
+    fn cbrt(self) -> Self {
+        self.growing(f64::cbrt, f64::NEG_INFINITY, f64::INFINITY)
+    }
+    fn atan2(self, other: Self) -> Self {
+        let quarter = Self::new(FRAC_PI_2.next_down(), FRAC_PI_2.next_up());
+        if other.low > 0.0 {
+            (self / other).atan()
+        } else if self.low > 0.0 {
+            quarter - (other / self).atan()
+        } else if self.high < 0.0 {
+            -quarter - (other / self).atan()
+        } else {
+            // At the jump, or where the angle is not defined.
+            Self::UNDEFINED
+        }
     }
     fn powi(self, n: i32) -> Self {
         if self.is_undefined() {

@@ -96,14 +96,14 @@ impl<S: Coefficient, const K: usize> Series<S, K> {
     }
 
     /// The power p, with the powers p − j of the value: Σ C(p, j) a₀^(p−j) (a − a₀)ʲ.
-    fn power(self, p: f64, of_value: impl Fn(usize) -> S) -> Self {
+    fn power(self, p: S, of_value: impl Fn(usize) -> S) -> Self {
         self.function(of_value(0), |a, c| {
             let mut change = *a;
             change[0] = S::from(0.0);
             let mut powers = change;
             let mut binomial = S::from(1.0);
             for j in 1..K {
-                binomial = binomial * (S::from(p) - (j - 1) as f64) / j as f64;
+                binomial = binomial * (p - (j - 1) as f64) / j as f64;
                 if binomial.vanishes() {
                     return;
                 }
@@ -340,11 +340,46 @@ impl<S: Coefficient, const K: usize> Real for Series<S, K> {
         let slope = S::from(1.0) / cosh / cosh;
         self.with_squared_slope(self.0[0].tanh(), slope, -1.0)
     }
+    fn asin(self) -> Self {
+        let root = ((-self + 1.0) * (self + 1.0)).sqrt();
+        self.with_slope_over(self.0[0].asin(), root)
+    }
+    fn acos(self) -> Self {
+        let root = ((-self + 1.0) * (self + 1.0)).sqrt();
+        self.with_slope_over(self.0[0].acos(), -root)
+    }
+    fn ln_1p(self) -> Self {
+        self.with_slope_over(self.0[0].ln_1p(), self + 1.0)
+    }
+    fn exp_m1(self) -> Self {
+        let mut result = self.exp();
+        result.0[0] = self.0[0].exp_m1();
+        result
+    }
+    fn cbrt(self) -> Self {
+        let root = self.0[0].cbrt();
+        self.power(S::from(1.0) / 3.0, |j| root / self.0[0].powi(j as i32))
+    }
+    fn atan2(self, other: Self) -> Self {
+        // (x² + y²) r′ = x y′ − y x′.
+        let (y, x, square) = (&self.0, &other.0, self * self + other * other);
+        let mut result = Self::constant(y[0].atan2(x[0]));
+        if [y, x].iter().any(|a| a.iter().skip(1).any(|a| !a.vanishes())) {
+            let r = &mut result.0;
+            for k in 1..K {
+                let turned = integrated(y, x, k) - integrated(x, y, k);
+                r[k] = (turned - integrated(&*r, &square.0, k)) / square.0[0];
+            }
+        }
+        result
+    }
     fn powi(self, n: i32) -> Self {
-        self.power(f64::from(n), |j| self.0[0].powi(n.saturating_sub(j as i32)))
+        self.power(S::from(f64::from(n)), |j| {
+            self.0[0].powi(n.saturating_sub(j as i32))
+        })
     }
     fn powf(self, p: f64) -> Self {
-        self.power(p, |j| self.0[0].powf(p - j as f64))
+        self.power(S::from(p), |j| self.0[0].powf(p - j as f64))
     }
 }
 

@@ -189,6 +189,11 @@ fn undefined_values_stay_undefined() {
         over(-1.0, 1.0).sqrt(),
         over(-1.0, 1.0).ln(),
         over(0.0, 1.0).ln(),
+        over(0.0, 1.5).asin(),
+        over(-1.5, 0.0).acos(),
+        over(-1.0, 1.0).ln_1p(),
+        over(-1.0, 1.0).atan2(Interval::from(-1.0)),
+        over(-1.0, 1.0).atan2(over(-1.0, 1.0)),
         over(1.0, 2.0).tan(),
         over(-1.0, 1.0).powi(-1),
         over(-1.0, 1.0).powf(0.5),
@@ -272,10 +277,16 @@ fn step<T: Real>(kind: usize, a: T, b: T) -> T {
         20 => a.abs(),
         21 => a * 0.7 - 0.2,
         22 => (a - b) / 3.0,
+        23 => a.asin(),
+        24 => a.acos(),
+        25 => a.ln_1p(),
+        26 => a.exp_m1(),
+        27 => a.cbrt(),
+        28 => a.atan2(b),
         _ => a % 2.5,
     }
 }
-const KINDS: usize = 24;
+const KINDS: usize = 30;
 
 struct Program(Vec<[usize; 3]>);
 
@@ -356,6 +367,12 @@ fn enclosures_hold_what_formulas_give() {
 fn enclosures_shrink_with_the_box() {
     for kind in 4..KINDS {
         for value in [0.3, 1.2, 2.2] {
+            // The inverse functions of sine and cosine live on [−1, 1].
+            let value = if (23..25).contains(&kind) {
+                0.4 * value
+            } else {
+                value
+            };
             let slope = step(kind, Series([value, 1.0]), Series([0.1, 0.0])).0[1];
             for radius in [1e-3, 1e-5, 1e-7] {
                 let found = step(kind, Interval::ball(value, radius), Interval::from(0.1));

@@ -149,6 +149,16 @@ fn identities_hold_for_random_series() {
         assert_near(b / a * a, b, "quotient");
         assert_near(a.tanh() * a.cosh(), a.sinh(), "tanh");
         assert_near(a.powf(1.5) * a.powf(1.5), a.powi(3), "powers");
+        assert_near(a.cbrt().powi(3), a, "cubes");
+        assert_near((-a).cbrt(), -a.cbrt(), "cube roots of negative numbers");
+        // Away from ±1, where derivatives of the inverse functions are large.
+        let c = b * 0.7;
+        assert_near(c.asin().sin(), c, "sin asin");
+        assert_near(c.acos().cos(), c, "cos acos");
+        assert_near(c.ln_1p(), (c + 1.0).ln(), "ln_1p");
+        assert_near(c.ln_1p().exp_m1(), c, "exp_m1 ln_1p");
+        let angle = b * 3.0;
+        assert_near((a * angle.sin()).atan2(a * angle.cos()), angle, "atan2");
         assert_near(b.powi(4), b * b * b * b, "fourth power");
         assert_near((b - a).abs(), if b.0[0] < a.0[0] { a - b } else { b - a }, "abs");
     }

@@ -1,0 +1,179 @@
+//! Results as data: their fields by name, and results made of them again, for pickles, copies and files.
+
+use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::arrays::python;
+use crate::complementarity::{Lcp, LemkeResult, McpResult};
+use crate::continuation::Branch;
+use crate::diagram::{Diagram, Edge, Vertex};
+use crate::events::{BranchPoint, Crossing, Fold, Transition};
+use crate::friction::FrictionResult;
+use crate::lists::{Continuum, Solution, SolutionSet};
+use crate::map::Map;
+use crate::mesh::Mesh;
+use crate::transition_set::{CharacterChange, TransitionCurve};
+use crate::variational::{ConeResult, ViResult};
+
+/// A field of a state.
+pub(crate) fn field<'py, T>(state: &Bound<'py, PyDict>, name: &str) -> PyResult<T>
+where
+    T: for<'a> FromPyObject<'a, 'py>,
+{
+    let Some(value) = state.get_item(name)? else {
+        return Err(PyKeyError::new_err(format!("the saved state has no \"{name}\"")));
+    };
+    value.extract().map_err(|e| {
+        PyValueError::new_err(format!(
+            "\"{name}\" of the saved state: {}",
+            Into::<PyErr>::into(e)
+        ))
+    })
+}
+
+/// Data of the library in a field of a state.
+pub(crate) fn data<T: DeserializeOwned>(state: &Bound<'_, PyDict>, name: &str) -> PyResult<T> {
+    let value: Bound<'_, PyAny> = field(state, name)?;
+    pythonize::depythonize(&value)
+        .map_err(|e| PyValueError::new_err(format!("\"{name}\" of the saved state: {e}")))
+}
+
+/// A dict with some data of the library.
+pub(crate) fn state_of<'py>(
+    py: Python<'py>,
+    entries: &[(&str, Bound<'py, PyAny>)],
+) -> PyResult<Bound<'py, PyDict>> {
+    let state = PyDict::new(py);
+    for (name, value) in entries {
+        state.set_item(name, value)?;
+    }
+    Ok(state)
+}
+
+pub(crate) fn data_of<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    python(py, value)
+}
+
+/// The classes all of whose data are attributes.
+macro_rules! plain {
+    ($($class:ident { $($field:ident),* $(,)? })*) => {
+        fn fields(name: &str) -> Option<&'static [&'static str]> {
+            match name {
+                $(stringify!($class) => Some(&[$(stringify!($field)),*]),)*
+                _ => None,
+            }
+        }
+
+        fn made<'py>(py: Python<'py>, name: &str, state: &Bound<'py, PyDict>) -> PyResult<Option<Bound<'py, PyAny>>> {
+            Ok(Some(match name {
+                $(stringify!($class) => {
+                    let made = $class { $($field: field(state, stringify!($field))?),* };
+                    Bound::new(py, made)?.into_any()
+                })*
+                _ => return Ok(None),
+            }))
+        }
+    };
+}
+
+plain! {
+    McpResult {
+        x, status, message, residual, error, states, iterations, evaluations, jacobians, factorisations, strategy, fallbacks,
+        history, certificate, time,
+    }
+    LemkeResult { x, status, message, residual, pivots, ray, history }
+    ViResult { x, status, residual, inequalities, equations, lower, upper, ray, iterations, history }
+    ConeResult { x, status, residual, error, ray, iterations, history }
+    FrictionResult { reactions, velocities, states, status, residual, factorisations, history }
+    Solution { x, pieces, det_signs, margin, index, residual }
+    Continuum { pieces, dimension, ends }
+    SolutionSet { solutions, points, continua, complete, status, residual, completeness, index_sum, nodes }
+    Fold { x, parameter, kind, arclength }
+    BranchPoint { x, parameter, arms, followed, complete, arclength }
+    Crossing { name, x, parameter, arclength, edge }
+    CharacterChange { x, folds_before }
+    TransitionCurve { branch, folds, character_changes }
+    Vertex { x, parameter, kind, edges, complete, is_start }
+    Edge { points, tangents, pieces, ends, det_signs, point_det_signs, smooth_folds, vertical, arclength }
+}
+
+/// The classes with data of the library, which write and read their state themselves.
+macro_rules! own {
+    ($($class:ident),*) => {
+        fn own_state<'py>(object: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyDict>>> {
+            $(if let Ok(found) = object.cast::<$class>() {
+                return $class::state(found).map(Some);
+            })*
+            Ok(None)
+        }
+
+        fn own_made<'py>(py: Python<'py>, name: &str, state: &Bound<'py, PyDict>) -> PyResult<Option<Bound<'py, PyAny>>> {
+            match name {
+                $(stringify!($class) => $class::restored(py, state).map(Some),)*
+                _ => Ok(None),
+            }
+        }
+
+        const OWN: &[&str] = &[$(stringify!($class)),*];
+    };
+}
+
+own!(Branch, Transition, Diagram, Map, Lcp, Mesh);
+
+/// The names of all classes whose objects can be saved.
+#[pyfunction]
+fn _saved_classes() -> Vec<&'static str> {
+    let plain = [
+        "McpResult",
+        "LemkeResult",
+        "ViResult",
+        "ConeResult",
+        "FrictionResult",
+        "Solution",
+        "Continuum",
+        "SolutionSet",
+        "Fold",
+        "BranchPoint",
+        "Crossing",
+        "CharacterChange",
+        "TransitionCurve",
+        "Vertex",
+        "Edge",
+    ];
+    plain.iter().chain(OWN).copied().collect()
+}
+
+/// The data of an object, by name.
+#[pyfunction]
+fn _state<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
+    if let Some(state) = own_state(object)? {
+        return Ok(state);
+    }
+    let class = object.get_type().name()?.to_string();
+    let names = fields(&class)
+        .ok_or_else(|| PyTypeError::new_err(format!("objects of class {class} cannot be saved")))?;
+    let state = PyDict::new(object.py());
+    for name in names {
+        state.set_item(name, object.getattr(*name)?)?;
+    }
+    Ok(state)
+}
+
+/// The object of a class with these data.
+#[pyfunction]
+fn _restored<'py>(py: Python<'py>, name: &str, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+    let found = match made(py, name, state)? {
+        Some(found) => Some(found),
+        None => own_made(py, name, state)?,
+    };
+    found.ok_or_else(|| PyValueError::new_err(format!("there is no class {name} that can be saved")))
+}
+
+pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(_saved_classes, module)?)?;
+    module.add_function(wrap_pyfunction!(_state, module)?)?;
+    module.add_function(wrap_pyfunction!(_restored, module)?)
+}
