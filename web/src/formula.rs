@@ -166,7 +166,11 @@ impl Formula {
         };
         let map = Traced::new(piecewise::Formula::read(&given, variables)?);
         let name = |site, piece| map.piece_name(site, piece).into_owned();
-        let pieces = Pieces((0..map.num_sites()).map(|site| [name(site, 0), name(site, 1)]).collect());
+        let pieces = Pieces(
+            (0..map.num_sites())
+                .map(|site| [name(site, 0), name(site, 1)])
+                .collect(),
+        );
         within(
             "the number of kinks (max, min, abs)",
             pieces.0.len() as f64,

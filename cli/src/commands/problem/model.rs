@@ -109,22 +109,21 @@ impl RunFile {
         }
         let variables: Vec<&str> = names.iter().map(String::as_str).collect();
         let texts: Vec<&str> = equations.iter().map(|e| e.get_ref().as_str()).collect();
-        let formulas =
-            Formula::read(&texts, &variables).map_err(|mistake| {
-                let equation = mistake.equation;
-                let text: Vec<u16> = texts[equation].encode_utf16().collect();
-                let part = |from: usize, to: usize| String::from_utf16_lossy(&text[from.min(to)..to]);
-                let (from, to) = (mistake.from.min(text.len()), mistake.to.min(text.len()));
-                let what = match from == to {
-                    true => format!("{mistake}: {}", texts[equation]),
-                    false => format!(
-                        "{mistake}, at \"{}\" behind \"{}\"",
-                        part(from, to),
-                        part(0, from)
-                    ),
-                };
-                self.wrong(&equations[equation], "problem.equations", what)
-            })?;
+        let formulas = Formula::read(&texts, &variables).map_err(|mistake| {
+            let equation = mistake.equation;
+            let text: Vec<u16> = texts[equation].encode_utf16().collect();
+            let part = |from: usize, to: usize| String::from_utf16_lossy(&text[from.min(to)..to]);
+            let (from, to) = (mistake.from.min(text.len()), mistake.to.min(text.len()));
+            let what = match from == to {
+                true => format!("{mistake}: {}", texts[equation]),
+                false => format!(
+                    "{mistake}, at \"{}\" behind \"{}\"",
+                    part(from, to),
+                    part(0, from)
+                ),
+            };
+            self.wrong(&equations[equation], "problem.equations", what)
+        })?;
         Ok(Problem {
             map: Map::Formulas(Box::new(Traced::new(formulas))),
             names,
