@@ -12,8 +12,9 @@ use std::process::ExitCode;
 use clap::Parser;
 use common::{Outcome, exit, file_in};
 use semismooth::contact::{
-    CondensedContact, ContactBody, FrictionCoefficient, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+    CondensedContact, FrictionCoefficient, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
 };
+use semismooth::contact_body;
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
 use semismooth::output::{BodyPicture, SegmentStyle};
 
@@ -68,14 +69,8 @@ fn draw<L: NodeLaw>(name: &str, mesh: Mesh, law: L, args: &Args) -> Outcome<()> 
         .collect();
     let weight: f64 = press.iter().chain(&lift).sum();
     let rows = system.contact("bottom", &Foundation::plane([0.0; 3], normal))?;
-    let tangential = [Some(rows.tangential), rows.tangential2];
-    let body = ContactBody::new(
-        system.stiffness().clone(),
-        rows.normal,
-        tangential.into_iter().flatten().collect(),
-        LoadPath::constant(load),
-    )?;
-    let problem = CondensedContact::new(body.with_gap(rows.gap)?, law)?;
+    let body = contact_body(&system, &rows, LoadPath::constant(load))?;
+    let problem = CondensedContact::new(body, law)?;
     let x = problem.solve(0.0, None)?;
     let solution = problem.solution(&x)?;
     let free = problem.displacements(&x)?;

@@ -34,6 +34,8 @@ pub mod complementarity;
 pub mod cones;
 pub mod contact;
 pub mod continuation;
+#[cfg(feature = "autodiff")]
+mod doors;
 pub mod enumeration;
 mod exact;
 #[cfg(feature = "serde")]
@@ -56,6 +58,11 @@ pub mod variational;
 mod words;
 
 pub use cause::Cause;
+#[cfg(feature = "autodiff")]
+pub use doors::{
+    McpResult, Solution, SolveError, ViResult, all_solutions, contact_body, diagram, follow, solve,
+    solve_cone, solve_lcp, solve_mcp, solve_qp, solve_vi,
+};
 pub use words::UnknownName;
 
 /// The example of the README, compiled with the tests.

@@ -16,6 +16,55 @@
 //! 10. [Relation to other programs, references](other_programs)
 //! 11. [Words: ours beside those of the literature](words)
 //!
+//! # Doors
+//!
+//! One function for each job, at the root of the crate. Equations are closures over recorded variables: numbers stand on either side, kinks are
+//! the methods `max`, `min`, `abs`, `project`, `switch`. What is not solved is an error that carries the best point and its report.
+//!
+//! | job | door | in Python |
+//! |---|---|---|
+//! | a root of equations with kinks | [`solve`](crate::solve) | `ss.solve(H, x0)` |
+//! | 0 ≤ z ⟂ M z + q ≥ 0 | [`solve_lcp`](crate::solve_lcp) | `ss.solve_lcp(M, q)` |
+//! | a mixed complementarity problem | [`solve_mcp`](crate::solve_mcp) | `ss.solve_mcp(F, lower, upper, x0)` |
+//! | a variational inequality, a quadratic program | [`solve_vi`](crate::solve_vi), [`solve_qp`](crate::solve_qp) | `ss.solve_vi` |
+//! | complementarity over cones | [`solve_cone`](crate::solve_cone) | `ss.solve_cone` |
+//! | a curve with its folds | [`follow`](crate::follow) | `ss.follow(H, x0, ...)` |
+//! | all branches | [`diagram`](crate::diagram) | `ss.diagram(H, starts, ...)` |
+//! | all solutions | [`all_solutions`](crate::all_solutions) | `ss.all_solutions(H)` |
+//! | contact from a mesh | [`contact_body`](crate::contact_body) and a form of [`contact`](crate::contact) | `ss.ContactProblem(...)` |
+//!
+//! ```
+//! use semismooth::continuation::{ContinuationOptions, Direction};
+//! use semismooth::{sparse::Matrix, variational::Polyhedron};
+//! // A root of |x| + x/2 = 3.
+//! let root = semismooth::solve(|x| vec![x[0].abs() + 0.5 * x[0] - 3.0], &[0.3])?;
+//! assert_eq!(root.x, [2.0]);
+//! // 0 ≤ z ⟂ M z + q ≥ 0.
+//! let lcp = semismooth::solve_lcp(Matrix::from_rows(&[[2.0, 1.0], [1.0, 2.0]])?, &[-5.0, -1.0])?;
+//! assert_eq!(lcp.x, [2.5, 0.0]);
+//! // 0 ≤ x ⟂ x³ − 8 ≥ 0.
+//! let mcp = semismooth::solve_mcp(|x| vec![x[0].powi(3) - 8.0], &[0.0], &[f64::INFINITY], &[1.0])?;
+//! assert!((mcp.x[0] - 2.0).abs() < 1e-9);
+//! // min ½|x|² − x₁ − 2 x₂ with x₁ + x₂ = 1 and x ≥ 0.
+//! let set = Polyhedron::boxed(vec![0.0; 2], vec![f64::INFINITY; 2])?;
+//! let set = set.with_equations(Matrix::from_rows(&[[1.0, 1.0]])?, vec![1.0])?;
+//! let qp = semismooth::solve_qp(Matrix::identity(2), &[-1.0, -2.0], set)?;
+//! assert!((qp.x[1] - 1.0).abs() < 1e-9);
+//! // The folds of y − 1.25 max(y − 1, 0) + 10 max(y − 3, 0) = load.
+//! let range = ContinuationOptions::default().with_parameter_range((0.0, 2.0));
+//! let curve = semismooth::follow(
+//!     |x| vec![x[0] - 1.25 * (x[0] - 1.0).max(0.0) + 10.0 * (x[0] - 3.0).max(0.0) - x[1]],
+//!     &[0.0, 0.0],
+//!     Direction::Increasing,
+//!     range,
+//! )?;
+//! assert_eq!(curve.folds().len(), 2);
+//! // All solutions of |x| + x/2 = 3.
+//! let list = semismooth::all_solutions(1, |x| vec![x[0].abs() + 0.5 * x[0] - 3.0])?;
+//! assert!(list.completeness.is_complete() && list.solutions.len() == 2);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! # What there is
 //!
 //! | for | in the crate | see it run |

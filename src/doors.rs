@@ -1,0 +1,319 @@
+//! One function for each job, for equations written as closures and problems given by matrices. The modules behind them have what is
+//! special: options, observers, solvers that are reused, maps of your own.
+
+use std::fmt;
+
+use crate::complementarity::{
+    AffineFunction, Autodiff, ComplementarityError, Lcp, Mcp, McpReport, McpSolver,
+};
+use crate::cones::{Cone, ConeError, ConeProblem, ConeReport, ConeSolver};
+use crate::contact::{ContactBody, ContactError, LoadPath};
+use crate::continuation::{
+    Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction,
+};
+use crate::enumeration::{EnumerationError, EnumerationOptions, SolutionSet};
+use crate::fem::{ContactRows, ElasticSystem};
+use crate::piecewise::{Expression, Formula, Traced};
+use crate::sparse::Matrix;
+use crate::variational::{Polyhedron, VariationalError, Vi, ViReport, ViSolver};
+
+/// A point with the report of the solver that found it.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Solution<R> {
+    /// The solution; in an error, the best point that was found.
+    pub x: Vec<f64>,
+    /// How it was found: status, residual at x, iterations, multipliers or certificates where there are any.
+    pub report: R,
+}
+
+/// Why a problem is not solved. Its `Debug` is as short as its text, so that a `main` which returns it prints a line.
+#[derive(Clone, PartialEq)]
+pub enum SolveError<E, R> {
+    /// The problem was refused: what is wrong with it.
+    Refused(E),
+    /// No solution was found, or there is none: the best point and the report, which says which.
+    NotSolved(Box<Solution<R>>),
+}
+
+impl<E: fmt::Display, R: fmt::Display> fmt::Display for SolveError<E, R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Refused(error) => error.fmt(f),
+            Self::NotSolved(best) => write!(f, "not solved: {}", best.report),
+        }
+    }
+}
+
+impl<E: fmt::Display, R: fmt::Display> fmt::Debug for SolveError<E, R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl<E: std::error::Error + 'static, R: fmt::Display> std::error::Error for SolveError<E, R> {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Refused(error) => error.source(),
+            Self::NotSolved(_) => None,
+        }
+    }
+}
+
+impl<E, R> From<E> for SolveError<E, R> {
+    fn from(error: E) -> Self {
+        Self::Refused(error)
+    }
+}
+
+fn solved<E, R>(x: Vec<f64>, report: R, is_solved: bool) -> Result<Solution<R>, SolveError<E, R>> {
+    let solution = Solution { x, report };
+    match is_solved {
+        true => Ok(solution),
+        false => Err(SolveError::NotSolved(Box::new(solution))),
+    }
+}
+
+/// What [`solve`], [`solve_lcp`] and [`solve_mcp`] return.
+pub type McpResult = Result<Solution<McpReport>, SolveError<ComplementarityError, McpReport>>;
+/// What [`solve_vi`] and [`solve_qp`] return.
+pub type ViResult = Result<Solution<ViReport>, SolveError<VariationalError, ViReport>>;
+
+/// Solves n equations with kinks in n unknowns, H(x) = 0, from a start x₀.
+///
+/// ```
+/// // |x| + x/2 = 3 and y = max(x, 1).
+/// let found = semismooth::solve(|x| vec![x[0].abs() + 0.5 * x[0] - 3.0, x[1] - x[0].max(1.0)], &[0.3, 0.0])?;
+/// assert_eq!(found.x, [2.0, 2.0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// Another number of equations than unknowns, a start that is not finite; that no solution was found, with the best point.
+pub fn solve<F>(equations: F, x0: &[f64]) -> McpResult
+where
+    F: for<'a> FnOnce(&[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    let free = |bound: f64| vec![bound; x0.len()];
+    solve_mcp(equations, &free(f64::NEG_INFINITY), &free(f64::INFINITY), x0)
+}
+
+/// Solves a mixed complementarity problem: l ≤ x ≤ u, with Fᵢ(x) ≥ 0 where xᵢ = lᵢ, Fᵢ(x) ≤ 0 where xᵢ = uᵢ, and Fᵢ(x) = 0 between.
+/// Infinite bounds are absent ones.
+///
+/// ```
+/// // 0 ≤ x ⟂ eˣ − 2 ≥ 0.
+/// let found = semismooth::solve_mcp(|x| vec![x[0].exp() - 2.0], &[0.0], &[f64::INFINITY], &[1.0])?;
+/// assert!((found.x[0] - 2.0_f64.ln()).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// Wrong lengths, bounds that cross, a start that is not finite; that no solution was found, with the best point.
+pub fn solve_mcp<F>(function: F, lower: &[f64], upper: &[f64], x0: &[f64]) -> McpResult
+where
+    F: for<'a> FnOnce(&[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    let function = Autodiff::new(Formula::new(x0.len(), function));
+    let problem = Mcp::new(function, lower.to_vec(), upper.to_vec())?;
+    mcp(&problem, x0)
+}
+
+/// Solves the linear complementarity problem 0 ≤ z ⟂ M z + q ≥ 0.
+///
+/// ```
+/// use semismooth::sparse::Matrix;
+/// let m = Matrix::from_rows(&[[2.0, 1.0], [1.0, 2.0]])?;
+/// assert_eq!(semismooth::solve_lcp(m, &[-5.0, -1.0])?.x, [2.5, 0.0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// Wrong shapes, entries that are not finite; that no solution was found, with the best point.
+pub fn solve_lcp(m: Matrix, q: &[f64]) -> McpResult {
+    let problem = Lcp::new(m, q.to_vec())?;
+    mcp(problem.mcp(), &vec![0.0; q.len()])
+}
+
+fn mcp<F: crate::complementarity::McpFunction>(problem: &Mcp<F>, x0: &[f64]) -> McpResult {
+    let mut x = x0.to_vec();
+    let mut solver = McpSolver::default();
+    let report = solver.solve(problem, &mut x)?.clone();
+    let is_solved = report.is_solved();
+    solved(x, report, is_solved)
+}
+
+/// Solves a variational inequality over a polyhedron C: x ∈ C with F(x)ᵀ(y − x) ≥ 0 for all y ∈ C.
+///
+/// # Errors
+/// Wrong lengths, a start that is not finite; that no solution was found, or that there is none, with the certificate in the report.
+pub fn solve_vi<F>(function: F, set: Polyhedron, x0: &[f64]) -> ViResult
+where
+    F: for<'a> FnOnce(&[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    vi(
+        &Vi::new(Autodiff::new(Formula::new(x0.len(), function)), set)?,
+        x0,
+    )
+}
+
+/// Solves the quadratic program min ½ xᵀP x + qᵀx over a polyhedron, P symmetric: where it is positive semidefinite the point is a minimum,
+/// else one that satisfies the first-order conditions. The multipliers are in the report.
+///
+/// ```
+/// use semismooth::sparse::Matrix;
+/// use semismooth::variational::Polyhedron;
+/// // The point of x₁ + x₂ = 1, x ≥ 0 nearest to (1, 2).
+/// let set = Polyhedron::boxed(vec![0.0; 2], vec![f64::INFINITY; 2])?
+///     .with_equations(Matrix::from_rows(&[[1.0, 1.0]])?, vec![1.0])?;
+/// let found = semismooth::solve_qp(Matrix::identity(2), &[-1.0, -2.0], set)?;
+/// assert!(found.x[0].abs() < 1e-12 && (found.x[1] - 1.0).abs() < 1e-12);
+/// assert!((found.report.multipliers.equations[0] - 1.0).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// Wrong shapes, entries that are not finite; that no solution was found, or that there is none, with the certificate in the report.
+pub fn solve_qp(p: Matrix, q: &[f64], set: Polyhedron) -> ViResult {
+    let gradient = AffineFunction::new(p, q.to_vec()).map_err(VariationalError::from)?;
+    vi(&Vi::new(gradient, set)?, &vec![0.0; q.len()])
+}
+
+fn vi<F: crate::complementarity::McpFunction>(problem: &Vi<F>, x0: &[f64]) -> ViResult {
+    let mut x = x0.to_vec();
+    let report = ViSolver::default().solve(problem, &mut x)?;
+    let is_solved = report.is_solved();
+    solved(x, report, is_solved)
+}
+
+/// Solves the complementarity problem x ∈ K, F(x) ∈ K*, xᵀF(x) = 0 over a product of cones.
+///
+/// ```
+/// use semismooth::cones::Cone;
+/// // The projection of (1, 3, 0) on the second-order cone.
+/// let found = semismooth::solve_cone(|x| vec![x[0] - 1.0, x[1] - 3.0, 1.0 * x[2]], vec![Cone::SecondOrder(3)], &[0.0; 3])?;
+/// assert!((found.x[0] - 2.0).abs() < 1e-9 && (found.x[1] - 2.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// Wrong lengths, a start that is not finite; that no solution was found, or that there is none, with the certificate in the report.
+pub fn solve_cone<F>(
+    function: F,
+    cones: Vec<Cone>,
+    x0: &[f64],
+) -> Result<Solution<ConeReport>, SolveError<ConeError, ConeReport>>
+where
+    F: for<'a> FnOnce(&[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    let problem = ConeProblem::new(Autodiff::new(Formula::new(x0.len(), function)), cones)?;
+    let mut x = x0.to_vec();
+    let report = ConeSolver::default().solve(&problem, &mut x)?;
+    let is_solved = report.is_solved();
+    solved(x, report, is_solved)
+}
+
+/// Follows the curve of solutions of n equations in n unknowns and a parameter, the last variable, from a point x₀ on it or near it.
+///
+/// ```
+/// use semismooth::continuation::{ContinuationOptions, Direction};
+/// let range = ContinuationOptions::default().with_parameter_range((0.0, 2.0));
+/// let curve = semismooth::follow(|x| vec![x[0].abs() - x[1]], &[-1.0, 1.0], Direction::Decreasing, range)?;
+/// assert_eq!(curve.folds(), [0.0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// As [`Branch::follow`].
+pub fn follow<F>(
+    equations: F,
+    x0: &[f64],
+    direction: Direction,
+    options: ContinuationOptions,
+) -> Result<Branch, ContinuationError>
+where
+    F: for<'a> FnOnce(&[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    Branch::follow(
+        &Traced::new(Formula::new(x0.len(), equations)),
+        x0,
+        direction,
+        options,
+    )
+}
+
+/// All branches of n equations in n unknowns and a parameter, the last variable, that are connected to given starts.
+///
+/// ```
+/// use semismooth::continuation::{ContinuationOptions, DiagramOptions, VertexKind};
+/// // y (|y| − α) = 0: y = 0, and y = ±α for α > 0.
+/// let range = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+/// let options = DiagramOptions::default().with_continuation(range);
+/// let diagram = semismooth::diagram(|x| vec![x[0] * (x[0].abs() - x[1])], &[[0.0, -0.5]], &options)?;
+/// assert!(diagram.vertices.iter().any(|v| v.kind == VertexKind::Branching || v.kind == VertexKind::BranchPoint));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// As [`Diagram::explore`]; no start at all.
+pub fn diagram<F, S>(
+    equations: F,
+    starts: &[S],
+    options: &DiagramOptions,
+) -> Result<Diagram, ContinuationError>
+where
+    F: for<'a> FnOnce(&[Expression<'a>]) -> Vec<Expression<'a>>,
+    S: AsRef<[f64]>,
+{
+    let num_vars = starts.first().map_or(0, |start| start.as_ref().len());
+    Diagram::explore(&Traced::new(Formula::new(num_vars, equations)), starts, options)
+}
+
+/// All solutions of n piecewise-affine equations in n unknowns, with the proof that there are no others. For curved equations
+/// [`search_solutions`](crate::continuation::search_solutions) looks for as many as it can find.
+///
+/// ```
+/// let list = semismooth::all_solutions(1, |x| vec![x[0].abs() + 0.5 * x[0] - 3.0])?;
+/// assert_eq!(list.solutions.len(), 2);
+/// assert!(list.completeness.is_complete());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// As [`enumeration::all_solutions`](crate::enumeration::all_solutions): equations that are not piecewise affine, among others.
+pub fn all_solutions<F>(num_vars: usize, equations: F) -> Result<SolutionSet, EnumerationError>
+where
+    F: for<'a> FnOnce(&[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    let map = Traced::new(Formula::new(num_vars, equations));
+    crate::enumeration::all_solutions(&map, 0.0, &EnumerationOptions::default())
+}
+
+/// The body of a contact problem from an elastic system, the rows of its contact nodes
+/// ([`ElasticSystem::contact`], [`ElasticSystem::contact_between`]) and a load.
+///
+/// ```
+/// use semismooth::contact::{CondensedContact, FrictionCoefficient, LoadPath, PlanarCoulomb};
+/// use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
+/// let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [8, 4])?; // or fem::read_gmsh("block.msh")?
+/// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3)?).fix("left").assemble()?;
+/// let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
+/// let load = LoadPath::constant(system.traction("top", |_| [0.0, -0.01, 0.0])?);
+/// let law = PlanarCoulomb::new(FrictionCoefficient::constant(0.4)?);
+/// let problem = CondensedContact::new(semismooth::contact_body(&system, &rows, load)?, law)?;
+/// println!("{}", problem.solution(&problem.solve(0.0, None)?)?); // states of the nodes, residuals
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// As [`ContactBody::new`].
+pub fn contact_body(
+    system: &ElasticSystem,
+    rows: &ContactRows,
+    load: LoadPath,
+) -> Result<ContactBody, ContactError> {
+    let mut tangential = vec![rows.tangential.clone()];
+    tangential.extend(rows.tangential2.clone());
+    ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, load)?
+        .with_gap(rows.gap.clone())
+}
