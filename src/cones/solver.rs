@@ -1,7 +1,7 @@
 use std::cell::Cell;
 use std::ops::ControlFlow;
 
-use super::ray::ray;
+use super::ray::{Search, ray};
 use super::run::{Run, between};
 use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus};
 use crate::clock::Deadline;
@@ -80,7 +80,13 @@ impl ConeSolver {
                 }
             };
             let parts = (&run.parts[..], &run.block[..]);
-            report.ray = ray(&problem, &self.options, deadline, &mut tell, parts, x)?;
+            let mut search = Search {
+                options: &self.options,
+                deadline,
+                observe: &mut tell,
+                inner_only: false,
+            };
+            report.ray = ray(&problem, &mut search, parts, x)?;
             if report.ray.is_some() {
                 report.status = ConeStatus::NoSolution;
             } else if stopped {

@@ -6,17 +6,20 @@ use super::certificate::Certificates;
 use super::contradiction::{Comparison, doubt_contradictions};
 use super::enclosure::Enclosure;
 use super::exhaustive::{self, Budget, ExactPoint};
+use super::first::first_selections;
 use super::lists::{Completeness, Continuum, Doubt, Extent, LISTED, NAMED, Solution, SolutionSet};
 use super::near;
 use super::per_selection::{SelectionSolutions, decide};
 use super::reduced::{reduced_directions, reduced_solutions};
+use super::refutation::multipliers;
 use super::search::SelectionSearch;
+use super::shape::Shape;
 use super::stated::{Beyond, Stated};
 use super::{EnumerationError, EnumerationOptions};
 use crate::clock::Deadline;
 use crate::exact::Exact;
 use crate::piecewise::{
-    ExactConditions, ExactForm, PiecewiseSmooth, Selection, Selections, TestLayout, cell_margin,
+    ExactConditions, ExactForm, ExactSite, PiecewiseSmooth, Selection, Selections, TestLayout, cell_margin,
 };
 
 /// Largest number of exact coefficients requested from a map.
@@ -43,6 +46,7 @@ pub(super) fn proven_solutions(
     let known = map.num_residuals();
     let parameter = (map.num_vars() > known).then_some(alpha);
     let mut gathered = Gathered::new(known, parameter, conditions, &stated, deadline);
+    let first = gathered.begin(map, alpha, options, &mut budget);
     let mut settle = |pieces: &[usize], budget: &mut Budget| gathered.settle(pieces, options, budget);
     // The unknowns may have no given bounds, while others of the same problem have some.
     let reduced = (!stated.bounded && exhaustive::elimination(conditions) <= MAX_WORK)
@@ -58,11 +62,12 @@ pub(super) fn proven_solutions(
     found
         .selections
         .retain(|pieces| !settled.iter().any(|active| inside(active, pieces)));
-    for pieces in &found.selections {
+    for pieces in found.selections.iter().filter(|p| !first.contains(*p)) {
         let examined = !deadline.is_over() && gathered.examine(pieces, &mut budget);
         found.open += u64::from(!examined);
     }
     gathered.sharpen(&mut budget);
+    gathered.drop_faces();
     gathered.drop_points_of_continua();
     let open = found.open + gathered.disagreeing();
     let completeness = match found.incomplete {
@@ -163,6 +168,12 @@ impl Candidates {
             let _ = search.run(root, &mut leaf);
             unproven = std::mem::take(&mut search.unproven);
         }
+        let contradiction = search.contradicted.take().filter(|_| stated.is_exact());
+        if contradiction.is_some_and(|(t, var)| multipliers(&stated.system, &t, var, deadline).is_some()) {
+            found.bounded = true;
+            (found.nodes, found.pivots) = (search.nodes, search.pivots);
+            return found;
+        }
         (found.nodes, found.pivots) = (search.nodes, search.pivots);
         if search.stopped {
             found.incomplete = Some(Completeness::Incomplete {
@@ -231,6 +242,9 @@ pub(super) struct Gathered<'a> {
     blunt: Vec<usize>,
     pub(super) continua: Vec<Continuum>,
     extents: Vec<Option<Extent<ExactPoint>>>,
+    shapes: Vec<Option<Shape>>,
+    /// Of the forms of each site that are those of one unknown alone: the form, the unknown, and where it vanishes.
+    bounds: Vec<Vec<(usize, usize, f64)>>,
     /// Whether a decision was taken in exact arithmetic.
     close: bool,
     /// How many of the unknowns are those of the map.
@@ -266,8 +280,33 @@ impl<'a> Gathered<'a> {
             blunt: Vec::new(),
             continua: Vec::new(),
             extents: Vec::new(),
+            shapes: Vec::new(),
+            bounds: conditions.sites.iter().map(bounds_of).collect(),
             close: false,
         }
+    }
+
+    /// Finds what a cheap solver finds; the selections that are examined thereby.
+    fn begin(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
+        alpha: f64,
+        options: &EnumerationOptions,
+        budget: &mut Budget,
+    ) -> BTreeSet<Vec<usize>> {
+        let mut examined = BTreeSet::new();
+        for active in first_selections(map, alpha, options, self.deadline) {
+            for selection in active {
+                let pieces: Vec<usize> = selection.pieces().collect();
+                if !examined.contains(&pieces) && self.examine(&pieces, budget) {
+                    examined.insert(pieces);
+                }
+                if !(self.solutions.is_empty() && self.continua.is_empty()) {
+                    return examined;
+                }
+            }
+        }
+        examined
     }
 
     /// Finds the solutions of a selection; `false` where exact arithmetic reached its cap.
@@ -297,9 +336,11 @@ impl<'a> Gathered<'a> {
                 };
                 self.point(pieces, point, sign, margin);
             }
-            Some(SelectionSolutions::Continuum { dimension, extent }) => {
-                self.continuum(pieces, dimension, extent)
-            }
+            Some(SelectionSolutions::Continuum {
+                dimension,
+                extent,
+                shape,
+            }) => self.continuum(pieces, (dimension, extent), shape),
         }
         true
     }
@@ -317,7 +358,7 @@ impl<'a> Gathered<'a> {
             known.num_selections = known.num_selections.max(known.selections.len() as f64);
             known.margin = known.margin.min(margin);
         } else {
-            let x = self.full(point.to_f64());
+            let x = self.full(self.within(pieces, point.to_f64()));
             self.solutions.push(solution(x, pieces, sign, margin));
             self.points.push(Some(point));
         }
@@ -401,7 +442,12 @@ impl<'a> Gathered<'a> {
         none
     }
 
-    fn continuum(&mut self, pieces: &[usize], dimension: usize, extent: Option<Extent<ExactPoint>>) {
+    fn continuum(
+        &mut self,
+        pieces: &[usize],
+        (dimension, extent): (usize, Option<Extent<ExactPoint>>),
+        shape: Option<Shape>,
+    ) {
         let selection = Selection::from_pieces(pieces.iter().copied());
         let agrees = |other: &Option<Extent<ExactPoint>>| {
             let both = extent.as_ref().zip(other.as_ref());
@@ -410,32 +456,74 @@ impl<'a> Gathered<'a> {
         if let Some(k) = self.extents.iter().position(agrees) {
             return self.continua[k].selections.push(selection);
         }
-        let ends = extent.iter().flat_map(|e| &e.ends);
+        let at = |p: &ExactPoint| self.full(self.within(pieces, p.to_f64()));
+        let ends = shape.iter().flat_map(|s| &s.ends).map(at).collect();
+        let known = self.known;
         self.continua.push(Continuum {
             selections: vec![selection],
             dimension,
-            ends: ends.map(|e| self.full(e.to_f64())).collect(),
+            point: shape.as_ref().map_or_else(Vec::new, |s| at(&s.point)),
+            ends,
+            directions: shape.as_ref().map_or_else(Vec::new, |s| s.directions_to_f64(known)),
+            described: shape.as_ref().is_some_and(|s| s.described),
         });
         self.extents.push(extent);
+        self.shapes.push(shape);
     }
 
-    /// For each solution, whether it belongs to a continuum. One found by error bounds alone lies in the interior of its cell.
-    fn on_continua(&self) -> Vec<bool> {
-        let selections = self.continua.iter().flat_map(|c| &c.selections);
-        let pieces: Vec<Vec<usize>> = selections.map(|s| s.pieces().collect()).collect();
-        let inside = |p: &ExactPoint| pieces.iter().any(|h| exhaustive::contains(self.conditions, h, p));
-        self.points
-            .iter()
-            .map(|p| p.as_ref().is_some_and(inside))
-            .collect()
+    /// Drops continua that are faces of others, or the same. A point inside of one lies in the other, if it does so at each site.
+    fn drop_faces(&mut self) {
+        let first = |c: &Continuum| -> Vec<usize> { c.selections[0].pieces().collect() };
+        let pieces: Vec<Vec<usize>> = self.continua.iter().map(first).collect();
+        let active = |s: &Option<Shape>| s.as_ref().map(|s| exhaustive::active(self.conditions, &s.point));
+        let active: Vec<Option<Pieces>> = self.shapes.iter().map(active).collect();
+        let lies_in = |inner: usize, outer: usize| {
+            let meets = |a: &Pieces| a.iter().zip(&pieces[outer]).all(|(a, p)| a.contains(p));
+            active[inner].as_ref().is_some_and(meets)
+                && self.shapes[inner]
+                    .as_ref()
+                    .is_some_and(|s| s.lies_in(self.conditions, &pieces[outer]))
+        };
+        let mut dropped = vec![false; self.continua.len()];
+        let mut merged = Vec::new();
+        for inner in 0..dropped.len() {
+            let mut others = (0..dropped.len()).filter(|&o| o != inner && !dropped[o]);
+            if let Some(outer) = others.find(|&outer| lies_in(inner, outer)) {
+                dropped[inner] = true;
+                if self.continua[inner].dimension == self.continua[outer].dimension {
+                    merged.push((inner, outer));
+                }
+            }
+        }
+        for (inner, outer) in merged {
+            let selections = std::mem::take(&mut self.continua[inner].selections);
+            self.continua[outer].selections.extend(selections);
+        }
+        let mut next = dropped.iter();
+        self.continua.retain(|_| next.next() == Some(&false));
+        let mut next = dropped.iter();
+        self.extents.retain(|_| next.next() == Some(&false));
+        let mut next = dropped.iter();
+        self.shapes.retain(|_| next.next() == Some(&false));
+    }
+
+    /// For each solution the first continuum to which it belongs. One found by error bounds alone lies in the interior of its cell.
+    fn on_continua(&self) -> Vec<Option<usize>> {
+        let own = |c: &Continuum| c.selections.iter().map(|s| s.pieces().collect()).collect();
+        let pieces: Vec<Pieces> = self.continua.iter().map(own).collect();
+        let of = |p: &ExactPoint| {
+            let inside = |own: &Pieces| own.iter().any(|h| exhaustive::contains(self.conditions, h, p));
+            pieces.iter().position(inside)
+        };
+        self.points.iter().map(|p| p.as_ref().and_then(of)).collect()
     }
 
     /// Drops points that are solutions of singular selections only, where they belong to a continuum of another one.
     pub(super) fn drop_points_of_continua(&mut self) {
         let on_continua = self.on_continua();
-        let kept = self.solutions.iter().zip(on_continua).map(|(s, on_continuum)| {
+        let kept = self.solutions.iter().zip(on_continua).map(|(s, continuum)| {
             let singular = s.det_signs.iter().all(|d| *d == Some(0));
-            !(singular && on_continuum)
+            !(singular && continuum.is_some())
         });
         let kept: Vec<bool> = kept.collect();
         let mut next = kept.iter();
@@ -506,18 +594,40 @@ impl<'a> Gathered<'a> {
         for k in std::mem::take(&mut self.blunt) {
             let pieces: Vec<usize> = self.solutions[k].selections[0].pieces().collect();
             if let Some(SelectionSolutions::Point { point, .. }) = decide(self.conditions, &pieces, budget) {
-                self.solutions[k].x = self.full(point.to_f64());
+                self.solutions[k].x = self.full(self.within(&pieces, point.to_f64()));
             }
         }
     }
 
     pub(super) fn add(&mut self, pieces: &[usize], found: &Enclosure) {
-        let x = self.full(self.stated.scaling.unscaled(&found.point));
+        let x = self.full(self.within(pieces, self.stated.scaling.unscaled(&found.point)));
         if !found.is_sharp() {
             self.blunt.push(self.solutions.len());
         }
         self.points.push(None);
         self.solutions.push(solution(x, pieces, found.sign, INSIDE));
+    }
+
+    /// A rounded point of the cell of a selection within the conditions of the cell on single unknowns: no point lies beyond a bound.
+    fn within(&self, pieces: &[usize], mut y: Vec<f64>) -> Vec<f64> {
+        for (site, bounds) in self.bounds.iter().enumerate().filter(|b| !b.1.is_empty()) {
+            let Some(piece) = exhaustive::piece_of(self.conditions, site, pieces[site]) else {
+                continue;
+            };
+            for &(form, k, bound) in bounds {
+                let rises = self.conditions.sites[site].forms[form].coefficients[k].sign();
+                if piece.equalities.iter().any(|e| e.1 == form) {
+                    y[k] = bound;
+                }
+                for facet in piece.facets.iter().filter(|f| f.0 == form) {
+                    y[k] = match facet.1 * rises > 0 {
+                        true => y[k].max(bound),
+                        false => y[k].min(bound),
+                    };
+                }
+            }
+        }
+        y
     }
 
     fn full(&self, mut y: Vec<f64>) -> Vec<f64> {
@@ -542,7 +652,7 @@ impl<'a> Gathered<'a> {
         let layout = TestLayout::new(map);
         let mut theta = vec![0.0; layout.total()];
         let on_continua = self.on_continua();
-        for (solution, on_continuum) in self.solutions.iter_mut().zip(on_continua) {
+        for (solution, continuum) in self.solutions.iter_mut().zip(on_continua) {
             if solution.margin > 0.0 {
                 map.test_functions(&solution.x, &mut theta);
                 let pieces = solution.selections[0].pieces().enumerate();
@@ -552,7 +662,8 @@ impl<'a> Gathered<'a> {
             }
             solution.sort();
             solution.find_index();
-            solution.index = solution.index.filter(|_| !on_continuum);
+            solution.index = solution.index.filter(|_| continuum.is_none());
+            solution.continuum = continuum;
         }
         self.solutions.sort_by(|a, b| a.selections.cmp(&b.selections));
         let indices: Option<i64> = self.solutions.iter().map(|s| s.index.map(i64::from)).sum();
@@ -563,6 +674,18 @@ impl<'a> Gathered<'a> {
     }
 }
 
+/// The forms of a site that are those of one unknown alone: the form, the unknown, and where it vanishes.
+fn bounds_of(site: &ExactSite) -> Vec<(usize, usize, f64)> {
+    let single = |(form, f): (usize, &ExactForm)| {
+        let mut used = f.coefficients.iter().enumerate().filter(|c| !c.1.is_zero());
+        let (k, factor) = used.next()?;
+        // Bounds of −0 and 0 are the same.
+        let bound = 0.0 - f.constant.to_f64() / factor.to_f64();
+        (used.next().is_none() && bound.is_finite()).then_some((form, k, bound))
+    };
+    site.forms.iter().enumerate().filter_map(single).collect()
+}
+
 fn solution(x: Vec<f64>, pieces: &[usize], sign: i8, margin: f64) -> Solution {
     Solution {
         x,
@@ -571,5 +694,6 @@ fn solution(x: Vec<f64>, pieces: &[usize], sign: i8, margin: f64) -> Solution {
         det_signs: vec![Some(sign)],
         margin,
         index: None,
+        continuum: None,
     }
 }

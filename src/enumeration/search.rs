@@ -83,6 +83,8 @@ pub(super) struct SelectionSearch<'a> {
     pub(super) unproven: Vec<Vec<Option<usize>>>,
     /// The table at the root of the present search.
     root: Option<Table>,
+    /// The table in which the conditions that hold for all selections contradict each other, and the variable whose row shows it.
+    pub(super) contradicted: Option<(Table, usize)>,
     /// Numbers stored by levels and tables.
     stored: usize,
     kept: usize,
@@ -117,6 +119,7 @@ impl<'a> SelectionSearch<'a> {
             certificates,
             unproven: Vec::new(),
             root: None,
+            contradicted: None,
             stored: 0,
             kept: KEPT,
             limit: MAX_STORED,
@@ -172,6 +175,17 @@ impl<'a> SelectionSearch<'a> {
         Ok(table)
     }
 
+    /// Whether the conditions that hold for all selections contradict each other, those of sites with one piece among them: the table and
+    /// the variable whose row shows it.
+    pub(super) fn contradiction(&self) -> Option<(Table, usize)> {
+        let mut root = self.root(&[]).ok()?;
+        for site in (0..self.system.sites.len()).filter(|&s| self.system.sites[s].pieces.len() == 1) {
+            self.decide(&mut root, site, 0).ok()?;
+        }
+        let found = root.repair(self.deadline).err()?;
+        Some((root, found.var))
+    }
+
     /// The variable of a form of a site.
     pub(super) fn variable(&self, site: usize, form: usize) -> usize {
         self.offsets[site] + form
@@ -201,6 +215,7 @@ impl<'a> SelectionSearch<'a> {
             if !self.proven(&root, contradiction.var) {
                 self.doubt(None);
             }
+            self.contradicted = Some((root, contradiction.var));
             return Ok(());
         }
         let mut undecided: Vec<usize> = (0..self.system.sites.len()).collect();

@@ -84,6 +84,11 @@ impl Scaling {
         }
     }
 
+    /// The power of two by which a form is multiplied.
+    pub(super) fn row(&self, form: usize) -> i64 {
+        self.rows[form]
+    }
+
     /// The power of two s with y_k = 2^s z_k.
     pub(super) fn shift(&self, k: usize) -> i64 {
         self.columns[k] - self.constants

@@ -2,7 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 
-use crate::complementarity::Mcp;
+use crate::complementarity::{AffineFunction, Mcp};
 use crate::complementarity::solver::McpStatus;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::Plan;
@@ -19,23 +19,26 @@ impl Engine<'_> {
         self.affine && self.n() <= ENUMERABLE
     }
 
-    /// Pruned search of all active sets of a small affine problem.
-    pub(super) fn enumerate(&mut self) -> McpStatus {
+    /// The affine problem by its coefficients; `None` where they are not finite.
+    pub(super) fn affine_problem(&mut self) -> Option<Mcp<AffineFunction>> {
         if !self.jacobian() {
-            return McpStatus::Stalled;
+            return None;
         }
         self.fresh = false;
-        let n = self.n();
         let w = &mut *self.work;
         w.trial.x.fill(0.0);
         self.function.value(&w.trial.x, &mut w.trial.f);
         self.report.evaluations += 1;
-        let problem = Mcp::affine(
-            w.lin.jac().clone(),
-            w.trial.f.clone(),
-            self.lower.to_vec(),
-            self.upper.to_vec(),
-        );
+        let (matrix, q) = (w.lin.jac().clone(), w.trial.f.clone());
+        Mcp::affine(matrix, q, self.lower.to_vec(), self.upper.to_vec()).ok()
+    }
+
+    /// Pruned search of all active sets of a small affine problem.
+    pub(super) fn enumerate(&mut self) -> McpStatus {
+        let Some(problem) = self.affine_problem() else {
+            return McpStatus::Stalled;
+        };
+        let n = self.n();
         let left = self.options.max_time;
         let left = left.map(|t| t.saturating_sub(self.clock.elapsed()));
         // As many nodes as components count as an iteration.
@@ -51,9 +54,9 @@ impl Engine<'_> {
             stopped.set(stopped.get() || observe.borrow_mut()(&now).is_break());
             stopped.get()
         };
-        let set = problem.map(|p| all_solutions_until(&p, 0.0, &options, &stop));
+        let set = all_solutions_until(&problem, 0.0, &options, &stop);
         self.interrupted = stopped.get();
-        let Ok(Ok(set)) = set else {
+        let Ok(set) = set else {
             return McpStatus::Stalled;
         };
         self.report.iterations += set.nodes as usize / n.max(1);

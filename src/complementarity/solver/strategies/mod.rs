@@ -7,6 +7,7 @@ mod josephy;
 mod newton;
 mod path;
 mod proximal;
+mod refutation;
 mod restart;
 mod smoothing;
 
@@ -126,6 +127,7 @@ impl Engine<'_> {
         // The first attempt begins here.
         self.fresh = true;
         let most = if self.options.fallbacks { usize::MAX } else { 1 };
+        let mut refutable = self.options.fallbacks;
         for (k, wanted) in self.options.strategies.iter().take(most).enumerate() {
             let Some(strategy) = TABLE.iter().find(|s| s.is == *wanted && (s.suits)(self)) else {
                 continue;
@@ -139,6 +141,10 @@ impl Engine<'_> {
             };
             if let Some(status) = ended {
                 return status;
+            }
+            // Once, as soon as one strategy has failed.
+            if std::mem::take(&mut refutable) && self.refute() {
+                return McpStatus::Infeasible;
             }
         }
         self.verdict()
