@@ -28,6 +28,8 @@ pub(crate) struct Solution {
     index: Option<i8>,
     /// max |Hᵢ(x)|, evaluated at the point returned.
     residual: f64,
+    /// The number of the first continuum to which the point belongs, often as an end; None for isolated points.
+    continuum: Option<usize>,
 }
 
 /// A continuum of solutions.
@@ -37,8 +39,14 @@ pub(crate) struct Continuum {
     pieces: Vec<Vec<String>>,
     /// 1 for a segment, a ray or a line.
     dimension: usize,
-    /// The two ends of a segment, or the one end of a ray, shape (k, m).
+    /// One of its points, shape (m,): inside of it if it is described. Empty where none is known.
+    point: Py<PyArray1<f64>>,
+    /// The two ends of a segment, the one end of a ray, the vertices of a polyhedron, shape (k, m).
     ends: Py<PyArray2<f64>>,
+    /// Directions in which it is unbounded, shape (k, n), of the n unknowns without the parameter; of a line both.
+    directions: Py<PyArray2<f64>>,
+    /// Whether it is the convex hull of its ends (of its point, where it has none) with all nonnegative multiples of its directions added.
+    described: bool,
 }
 
 /// All solutions of a piecewise-affine equation, and whether the list is proven to be complete.
@@ -102,7 +110,7 @@ impl SolutionSet {
         let pieces = |selections: &[Selection]| -> Vec<Vec<String>> {
             selections.iter().map(|s| names(map, s)).collect()
         };
-        let m = map.num_vars();
+        let (m, n) = (map.num_vars(), map.num_residuals());
         let residuals: Vec<f64> = found.solutions.iter().map(|s| residual(map, s)).collect();
         let solutions = found.solutions.iter().zip(&residuals).map(|(s, &residual)| {
             let solution = Solution {
@@ -112,6 +120,7 @@ impl SolutionSet {
                 margin: s.margin,
                 index: s.index,
                 residual,
+                continuum: s.continuum,
             };
             Py::new(py, solution)
         });
@@ -119,7 +128,10 @@ impl SolutionSet {
             let continuum = Continuum {
                 pieces: pieces(&c.selections),
                 dimension: c.dimension,
+                point: PyArray1::from_slice(py, &c.point).unbind(),
                 ends: rows(py, m, c.ends.iter().map(Vec::as_slice))?.unbind(),
+                directions: rows(py, n, c.directions.iter().map(Vec::as_slice))?.unbind(),
+                described: c.described,
             };
             Py::new(py, continuum)
         });

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::central::is_monotone;
-use super::equations::Part;
+use super::equations::{Part, check_memory};
 use super::homogeneous::directions;
 use super::run::{Run, between};
 use super::{Cone, ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay};
@@ -214,6 +214,9 @@ fn least_ray(
     let cones = problem.cones().iter().chain(problem.cones()).copied();
     let cones = cones.chain([Cone::Free(1)]).collect();
     let dual = ConeProblem::new(&conditions as &dyn McpFunction, cones)?;
+    if check_memory(&dual, search.options.max_memory).is_err() {
+        return Ok(None);
+    }
     let mut z = vec![0.0; 2 * n + 1];
     let options = search.options.clone().with_restarts(0);
     let mut run = Run::new(&dual, &options, search.deadline, search.observe)?;

@@ -1,6 +1,7 @@
 //! Cone complementarity problems: solutions known by construction, limits, all strategies.
 
 mod maps;
+mod memory;
 #[path = "../common/random.rs"]
 mod random;
 mod refutations;

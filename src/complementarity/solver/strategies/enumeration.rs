@@ -33,8 +33,8 @@ impl Engine<'_> {
         Mcp::affine(matrix, q, self.lower.to_vec(), self.upper.to_vec()).ok()
     }
 
-    /// Pruned search of all active sets of a small affine problem.
-    pub(super) fn enumerate(&mut self) -> McpStatus {
+    /// Pruned search of all active sets of an affine problem.
+    pub(super) fn enumerate(&mut self, most: u64) -> McpStatus {
         let Some(problem) = self.affine_problem() else {
             return McpStatus::Stalled;
         };
@@ -45,7 +45,7 @@ impl Engine<'_> {
         let iterations = self.options.max_iterations - self.report.iterations;
         let nodes = (iterations as u64).saturating_mul(n as u64);
         let options = EnumerationOptions::default()
-            .with_max_nodes(self.options.max_nodes.min(nodes))
+            .with_max_nodes(most.min(nodes))
             .with_max_time(left);
         let now = self.between(self.strategy);
         let (observe, stopped) = (RefCell::new(&mut *self.observe), Cell::new(self.interrupted));
@@ -60,8 +60,9 @@ impl Engine<'_> {
             return McpStatus::Stalled;
         };
         self.report.iterations += set.nodes as usize / n.max(1);
-        let ends = set.continua.iter().flat_map(|c| &c.ends);
-        for y in set.solutions.iter().map(|s| &s.x).chain(ends) {
+        let continua = set.continua.iter().flat_map(|c| c.ends.iter().chain([&c.point]));
+        let points = set.solutions.iter().map(|s| &s.x).chain(continua);
+        for y in points.filter(|y| !y.is_empty()) {
             self.work.here.x.copy_from_slice(&y[..n]);
             if self.descend(&Plan::newton(POLISH)) == McpStatus::Solved {
                 return McpStatus::Solved;
