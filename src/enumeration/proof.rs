@@ -46,7 +46,7 @@ pub(super) fn proven_solutions(
     let known = map.num_residuals();
     let parameter = (map.num_vars() > known).then_some(alpha);
     let mut gathered = Gathered::new(known, parameter, conditions, &stated, deadline);
-    let first = gathered.begin(map, alpha, options, &mut budget);
+    let (first, begun) = gathered.begin(map, alpha, options);
     let mut settle = |pieces: &[usize], budget: &mut Budget| gathered.settle(pieces, options, budget);
     // The unknowns may have no given bounds, while others of the same problem have some.
     let reduced = (!stated.bounded && exhaustive::elimination(conditions) <= MAX_WORK)
@@ -62,6 +62,13 @@ pub(super) fn proven_solutions(
     found
         .selections
         .retain(|pieces| !settled.iter().any(|active| inside(active, pieces)));
+    // What the search has not reached counts as well.
+    if let (Some(Completeness::Incomplete { examined, .. }), Some(pieces)) = (&mut found.incomplete, &begun)
+        && !found.selections.contains(pieces)
+        && !settled.iter().any(|active| inside(active, pieces))
+    {
+        *examined += 1.0;
+    }
     for pieces in found.selections.iter().filter(|p| !first.contains(*p)) {
         let examined = !deadline.is_over() && gathered.examine(pieces, &mut budget);
         found.open += u64::from(!examined);
@@ -286,27 +293,27 @@ impl<'a> Gathered<'a> {
         }
     }
 
-    /// Finds what a cheap solver finds; the selections that are examined thereby.
+    /// Finds what a cheap solver finds, with a budget of its own: the selections that are examined thereby, and the one that has solutions.
     fn begin(
         &mut self,
         map: &dyn PiecewiseSmooth,
         alpha: f64,
         options: &EnumerationOptions,
-        budget: &mut Budget,
-    ) -> BTreeSet<Vec<usize>> {
+    ) -> (BTreeSet<Vec<usize>>, Option<Vec<usize>>) {
+        let mut budget = Budget::new(options, self.deadline);
         let mut examined = BTreeSet::new();
         for active in first_selections(map, alpha, options, self.deadline) {
             for selection in active {
                 let pieces: Vec<usize> = selection.pieces().collect();
-                if !examined.contains(&pieces) && self.examine(&pieces, budget) {
-                    examined.insert(pieces);
+                if !examined.contains(&pieces) && self.examine(&pieces, &mut budget) {
+                    examined.insert(pieces.clone());
                 }
                 if !(self.solutions.is_empty() && self.continua.is_empty()) {
-                    return examined;
+                    return (examined, Some(pieces));
                 }
             }
         }
-        examined
+        (examined, None)
     }
 
     /// Finds the solutions of a selection; `false` where exact arithmetic reached its cap.

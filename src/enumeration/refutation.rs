@@ -28,17 +28,38 @@ pub(super) fn multipliers(
 ) -> Option<Multipliers> {
     let forms: Vec<_> = system.forms().collect();
     let own = forms.get(var)?;
-    let support = table.support(var)?;
-    let columns: Vec<_> = support.iter().map(|&v| forms.get(v).copied()).collect::<Option<_>>()?;
-    let holds = |k: &usize| own.coefficients[*k] == 0.0 && columns.iter().all(|f| f.coefficients[*k] == 0.0);
-    let rows: Vec<usize> = (0..system.unknowns).filter(|k| !holds(k)).collect();
-    if rows.len() != columns.len() {
+    let (_, all, _, _) = table.identity(var)?;
+    let solve = |support: &[usize], rows: &[usize]| {
+        let coefficient = |v: usize, k: usize| match forms.get(v) {
+            Some(form) => form.coefficients[k],
+            None => f64::from(u8::from(v - forms.len() == k)),
+        };
+        let entries = rows.iter().flat_map(|&k| support.iter().map(move |&v| coefficient(v, k)));
+        let matrix: Vec<f64> = entries.collect();
+        let right: Vec<f64> = rows.iter().map(|&k| -own.coefficients[k]).collect();
+        Enclosure::of(&matrix, &right, &[], deadline)
+    };
+    let every: Vec<usize> = (0..system.unknowns).collect();
+    if all.len() != every.len() {
         return None;
     }
-    let entry = |k: usize| columns.iter().map(move |f| f.coefficients[k]);
-    let matrix: Vec<f64> = rows.iter().flat_map(|&k| entry(k)).collect();
-    let right: Vec<f64> = rows.iter().map(|&k| -own.coefficients[k]).collect();
-    let found = Enclosure::of(&matrix, &right, &[], deadline)?;
+    let mut support = all.to_vec();
+    let mut found = solve(&support, &every)?;
+    let certain = found.point.iter().zip(&found.radius).map(|(a, r)| a.abs() > *r);
+    let certain: Vec<bool> = certain.collect();
+    if certain.contains(&false) {
+        // Coefficients may be zero by the places of zeros alone: then the others satisfy all equations in which one of them occurs.
+        let mut kept = certain.iter();
+        support.retain(|_| kept.next() == Some(&true));
+        let columns: Vec<_> = support.iter().map(|&v| forms.get(v).copied()).collect::<Option<_>>()?;
+        let occurs = |k: &usize| own.coefficients[*k] != 0.0 || columns.iter().any(|f| f.coefficients[*k] != 0.0);
+        let rows: Vec<usize> = every.into_iter().filter(occurs).collect();
+        if rows.len() != support.len() {
+            return None;
+        }
+        found = solve(&support, &rows)?;
+    }
+    let columns: Vec<_> = support.iter().map(|&v| forms.get(v).copied()).collect::<Option<_>>()?;
     let constants: Vec<f64> = columns.iter().map(|f| -f.constant).collect();
     let rest = found.sign_of(&constants, own.constant, Error::default())?;
     // The form has the sign of its own condition, and each term the opposite one: the constant must not have the former.

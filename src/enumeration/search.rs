@@ -182,7 +182,16 @@ impl<'a> SelectionSearch<'a> {
         for site in (0..self.system.sites.len()).filter(|&s| self.system.sites[s].pieces.len() == 1) {
             self.decide(&mut root, site, 0).ok()?;
         }
-        let found = root.repair(self.deadline).err()?;
+        let start = root.clone();
+        let mut found = root.repair(self.deadline).err()?;
+        // Error bounds grow with each exchange, and what they exceed is taken for zero: anew from the start they are smaller.
+        for _ in 0..ROUNDS {
+            if root.error(found.var) <= VAGUE {
+                break;
+            }
+            root = root.reinverted(&start)?;
+            found = root.repair(self.deadline).err()?;
+        }
         Some((root, found.var))
     }
 

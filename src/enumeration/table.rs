@@ -136,14 +136,6 @@ impl Table {
         Some((row[0], &self.columns, self.active, &row[1..]))
     }
 
-    /// The columns, fixed ones among them, with coefficients other than zero in the row of a variable.
-    pub(super) fn support(&self, var: usize) -> Option<Vec<usize>> {
-        let (_, columns, _, coefficients) = self.identity(var)?;
-        let tiny = SAFETY * self.error(var);
-        let counts = columns.iter().zip(coefficients).filter(|c| c.1.abs() > tiny);
-        Some(counts.map(|c| *c.0).collect())
-    }
-
     /// Whether a variable is a column that is fixed at zero.
     pub(super) fn is_fixed(&self, var: usize) -> bool {
         self.columns[self.active..].contains(&var)

@@ -80,7 +80,7 @@ fn planted_contradictions_are_found() {
     let mut random = Random::new(31);
     let mut refuted = 0;
     for k in 0..60 {
-        let n = 4 + random.below(if k % 5 == 0 { 70 } else { 20 });
+        let n = 4 + random.below(if k % 10 == 0 { 90 } else { 20 });
         let full = k % 2 == 0;
         let mut v: Vec<f64> = (0..n).map(|_| random.symmetric().max(0.0)).collect();
         v[n - 1] = 1.0;

@@ -385,7 +385,7 @@ impl Lemke {
     ) -> Result<LemkeStatus, ComplementarityError> {
         let mut at_upper = false;
         let mut leaving = match self.options.label {
-            Some(label) => self.check_label(label)?,
+            Some(label) => self.check_label(lcp, label)?,
             None => {
                 let Some(slot) = self.enter_cover() else {
                     return Ok(LemkeStatus::Solved);

@@ -1,7 +1,7 @@
 //! Paths that begin at a solution with an unknown that grows: the method of Lemke and Howson.
 
 use super::{Lemke, Side, Var};
-use crate::complementarity::ComplementarityError;
+use crate::complementarity::{ComplementarityError, Lcp};
 
 impl Lemke {
     /// Whether all pairs are complementary once this variable has left the basis.
@@ -13,7 +13,7 @@ impl Lemke {
     }
 
     /// The variable after which zₖ enters, for a path that begins with it.
-    pub(super) fn check_label(&self, label: usize) -> Result<Var, ComplementarityError> {
+    pub(super) fn check_label(&self, lcp: &Lcp, label: usize) -> Result<Var, ComplementarityError> {
         let solved = self.basic.iter().zip(&self.side).zip(&self.value).all(|((var, side), v)| {
             match (var, side) {
                 (Var::Slack(_), Side::Lower) => *v >= 0.0,
@@ -30,9 +30,9 @@ impl Lemke {
                 "z at its bounds is no solution (of a game: M = −[0 A; Bᵀ 0] with A > 0, B > 0, and q = 1)",
             ));
         }
-        match self.side[label] {
-            Side::Lower | Side::Upper => Ok(Var::Slack(label)),
-            Side::Free | Side::Fixed => Err(unsuitable("the unknown of the label has to have one bound")),
+        match lcp.lower()[label].is_finite() != lcp.upper()[label].is_finite() {
+            true => Ok(Var::Slack(label)),
+            false => Err(unsuitable("the unknown of the label has to have just one bound")),
         }
     }
 }
