@@ -49,8 +49,9 @@ pub(super) fn mixed(parts: &[Part], rows: &Pattern) -> Vec<(usize, usize)> {
     entries
 }
 
-/// Bytes for each entry of the Jacobian of the equations: its place in lists, patterns and blocks of derivatives, in the system of a step
-/// and in that of interior points, with factors that are as full. Measured; `refutations::what_does_not_fit_is_refused` holds the order.
+/// Bytes for each entry of the Jacobian of the equations: its place in lists, patterns and blocks of
+/// derivatives, in the system of a step and in that of interior points, with factors that are as full.
+/// Measured; `refutations::what_does_not_fit_is_refused` holds the order.
 const PER_ENTRY: f64 = 100.0;
 
 /// Refuses problems that take more memory than the limit, in bytes.

@@ -1,9 +1,10 @@
 //! Directions that prove that a monotone problem has no solution, by interior points of its homogeneous form.
 //!
-//! x ∈ K, τ ≥ 0, M x + q τ ∈ K*, −qᵀx − xᵀM x/τ ≥ 0 have inner starts whatever M and q are, and their maximal complementary solutions
-//! have τ > 0 where the problem is solvable, else often −qᵀx > 0: then (M + Mᵀ) x = 0, so that v = x proves that there is no solution
-//! (E. Andersen, Y. Ye, *On a homogeneous algorithm for the monotone complementarity problem*, 1999). Unlike the certificate of least
-//! norm, which lies on the boundary of its cones, these lie as far inside as they can, where rounding does not matter.
+//! x ∈ K, τ ≥ 0, M x + q τ ∈ K*, −qᵀx − xᵀM x/τ ≥ 0 have inner starts whatever M and q are, and their maximal
+//! complementary solutions have τ > 0 where the problem is solvable, else often −qᵀx > 0: then (M + Mᵀ) x =
+//! 0, so that v = x proves that there is no solution (E. Andersen, Y. Ye, *On a homogeneous algorithm for the
+//! monotone complementarity problem*, 1999). Unlike the certificate of least norm, which lies on the boundary
+//! of its cones, these lie as far inside as they can, where rounding does not matter.
 
 use std::ops::Range;
 
@@ -13,10 +14,12 @@ use crate::complementarity::McpFunction;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{Matrix, Pattern, dot, max_abs, norm};
 
-/// Most steps. On the central path of a homogeneous problem a step divides the gap by ten or more, from 1 to its rounding: forty are
-/// enough, others only creep (`refutations::strongly_infeasible_programs_are_refuted`).
+/// Most steps. On the central path of a homogeneous problem a step divides the gap by ten or more, from 1 to
+/// its rounding: forty are enough, others only creep
+/// (`refutations::strongly_infeasible_programs_are_refuted`).
 const STEPS: usize = 60;
-/// Certificates are tried each time τ has fallen by this factor relative to −qᵀx: at each tenth of the way to rounding, or so.
+/// Certificates are tried each time τ has fallen by this factor relative to −qᵀx: at each tenth of the way to
+/// rounding, or so.
 const FALL: f64 = 0.05;
 /// Corrections of one candidate, each of which divides what is left of its equations by 1/SHIFT.
 const CORRECTIONS: usize = 3;
@@ -46,7 +49,9 @@ impl Image for Homogeneous<'_> {
         for (slope, (q, y)) in self.slope.iter_mut().zip(self.q.iter().zip(&*y)) {
             *slope = -q - symmetric * y;
         }
-        self.matrix.as_ref().mul_transpose_add(-symmetric, x, &mut self.slope[..n]);
+        self.matrix
+            .as_ref()
+            .mul_transpose_add(-symmetric, x, &mut self.slope[..n]);
         self.slope[n] = square * symmetric;
         y[n] = -dot(self.q, x) - square;
         y.iter_mut().zip(self.q).for_each(|(y, q)| *y += tau * q);
@@ -66,8 +71,8 @@ impl Image for Homogeneous<'_> {
     }
 }
 
-/// Calls `accept` with directions that are certificates of the problem M x + q up to rounding, until it returns true or the iteration
-/// ends. M must be monotone. `proceed` is asked before each step.
+/// Calls `accept` with directions that are certificates of the problem M x + q up to rounding, until it
+/// returns true or the iteration ends. M must be monotone. `proceed` is asked before each step.
 pub(super) fn directions(
     problem: &ConeProblem<&dyn McpFunction>,
     (matrix, q): (&Matrix, &[f64]),
@@ -81,12 +86,19 @@ pub(super) fn directions(
         rows.flat_map(|j| range.clone().map(move |i| (i, j)))
     });
     let border = (0..=n).flat_map(|k| [(k, n), (n, k)]);
-    let entries = matrix.triplets().map(|(i, j, _)| (i, j)).chain(dense).chain(border);
+    let entries = matrix
+        .triplets()
+        .map(|(i, j, _)| (i, j))
+        .chain(dense)
+        .chain(border);
     let pattern = Pattern::from_entries(n + 1, n + 1, entries)?;
     let mut map = Homogeneous {
         matrix,
         q,
-        slots: matrix.triplets().filter_map(|(i, j, _)| pattern.slot(i, j)).collect(),
+        slots: matrix
+            .triplets()
+            .filter_map(|(i, j, _)| pattern.slot(i, j))
+            .collect(),
         last_column: (0..n).filter_map(|i| pattern.slot(i, n)).collect(),
         last_row: (0..=n).filter_map(|j| pattern.slot(n, j)).collect(),
         slope: vec![0.0; n + 1],
@@ -103,7 +115,8 @@ pub(super) fn directions(
         let (x, tau) = (&engine.x()[..n], engine.x()[n]);
         let rate = -dot(q, x);
         let part = tau / rate;
-        // On the central path τ times the last entry of F is the gap: beside τ that entry has become rounding.
+        // On the central path τ times the last entry of F is the gap: beside τ that entry has become
+        // rounding.
         if engine.gap() <= f64::EPSILON * tau * tau {
             break;
         }
@@ -129,8 +142,9 @@ fn split((cone, range): (Cone, Range<usize>)) -> Vec<(Cone, Range<usize>)> {
     }
 }
 
-/// v with the blocks that vanish in the limit set to zero, and corrected such that those blocks of −Mᵀv vanish that do so in the limit.
-/// Of a block of v and that of −Mᵀv, one vanishes if it is less than the given part of the other one.
+/// v with the blocks that vanish in the limit set to zero, and corrected such that those blocks of −Mᵀv
+/// vanish that do so in the limit. Of a block of v and that of −Mᵀv, one vanishes if it is less than the
+/// given part of the other one.
 fn settled(
     blocks: &[(Cone, Range<usize>)],
     matrix: &Matrix,
@@ -161,13 +175,16 @@ fn settled(
     Ok(v.iter().all(|v| v.is_finite()).then_some(v))
 }
 
-/// The least change of the entries `kept` of v after which the entries `zero` of Mᵀv vanish; `false` where its system is singular.
+/// The least change of the entries `kept` of v after which the entries `zero` of Mᵀv vanish; `false` where
+/// its system is singular.
 fn correct(v: &mut [f64], matrix: &Matrix, kept: &[usize], zero: &[usize]) -> Result<bool, ConeError> {
     let (n, m) = (kept.len(), zero.len());
     let mut place = vec![None; v.len()];
     kept.iter().enumerate().for_each(|(k, &i)| place[i] = Some(k));
     let mut equation = vec![None; v.len()];
-    zero.iter().enumerate().for_each(|(k, &j)| equation[j] = Some(n + k));
+    zero.iter()
+        .enumerate()
+        .for_each(|(k, &j)| equation[j] = Some(n + k));
     let mut entries: Vec<(usize, usize, f64)> = (0..n).map(|k| (k, k, 1.0)).collect();
     entries.extend((n..n + m).map(|k| (k, k, -SHIFT)));
     for (i, j, a) in matrix.triplets() {

@@ -75,8 +75,9 @@ pub struct ConeOptions {
     pub restarts: usize,
     /// Largest wall-clock time. Default none.
     pub max_time: Option<Duration>,
-    /// Largest memory in bytes: an estimate is compared with it before any of it is allocated ([`ConeError::Memory`]). Default 4 GiB, where
-    /// one second-order cone may have some 6 500 variables, and a semidefinite one the order 110.
+    /// Largest memory in bytes: an estimate is compared with it before any of it is allocated
+    /// ([`ConeError::Memory`]). Default 4 GiB, where one second-order cone may have some 6 500 variables, and
+    /// a semidefinite one the order 110.
     pub max_memory: u64,
 }
 

@@ -102,9 +102,7 @@ fn ray_in_units(
         && q.iter().zip(&constants).zip(&rows).all(|((q, c), r)| c / r == *q);
     if !exact {
         // Sizes cannot be compared.
-        return Ok(
-            ray_of_block(problem, search, x)?.filter(|ray| ray.radius == f64::INFINITY)
-        );
+        return Ok(ray_of_block(problem, search, x)?.filter(|ray| ray.radius == f64::INFINITY));
     }
     let function = AffineFunction::new(Matrix::from_triplets(x.len(), x.len(), &entries)?, constants);
     let Ok(function) = function else {
@@ -151,7 +149,8 @@ fn units(
     Ok((powers(&rows), powers(&columns)))
 }
 
-/// A certificate as far inside of its cones as it can lie, if the problem is monotone, else the one of least norm.
+/// A certificate as far inside of its cones as it can lie, if the problem is monotone, else the one of least
+/// norm.
 fn ray_of_block(
     problem: &ConeProblem<&dyn McpFunction>,
     search: &mut Search<'_>,
@@ -186,7 +185,8 @@ fn ray_of_block(
     }
 }
 
-/// The certificate of least norm, if there is one: minimise ½‖v‖² over v ∈ K, −Mᵀv ∈ K*, qᵀv = −1. M and q come with their sizes.
+/// The certificate of least norm, if there is one: minimise ½‖v‖² over v ∈ K, −Mᵀv ∈ K*, qᵀv = −1. M and q
+/// come with their sizes.
 fn least_ray(
     problem: &ConeProblem<&dyn McpFunction>,
     search: &mut Search<'_>,

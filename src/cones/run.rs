@@ -228,7 +228,8 @@ impl<'a> Run<'a> {
         Ok(outcome)
     }
 
-    /// Where interior points of a monotone problem have found no solution, a proof that there is none takes no longer than they did.
+    /// Where interior points of a monotone problem have found no solution, a proof that there is none takes
+    /// no longer than they did.
     fn refute(&mut self, start: &[f64]) -> Result<ConeStatus, ConeError> {
         if self.inner {
             return Ok(ConeStatus::Stalled);

@@ -33,8 +33,8 @@ impl ConeSolver {
     /// Solves from the start `x`, which is overwritten by the solution or the best point.
     ///
     /// # Errors
-    /// A start of the wrong length or not finite, options out of range, a Jacobian entry outside the pattern, a problem that takes more
-    /// memory than [`ConeOptions::max_memory`].
+    /// A start of the wrong length or not finite, options out of range, a Jacobian entry outside the pattern,
+    /// a problem that takes more memory than [`ConeOptions::max_memory`].
     pub fn solve<F: McpFunction>(
         &self,
         problem: &ConeProblem<F>,

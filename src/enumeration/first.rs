@@ -10,12 +10,13 @@ use crate::piecewise::{ActiveSet, PiecewiseSmooth, Scaled, Selection, TestLayout
 use crate::sparse::{Matrix, max_abs};
 use crate::spread::Random;
 
-/// Starts: the origin and random points near it, in the units of the map. Where the first fails a few others find a solution of most
-/// problems that have many (`continua::lists_that_end_at_a_limit_begin_with_a_solution`).
+/// Starts: the origin and random points near it, in the units of the map. Where the first fails a few others
+/// find a solution of most problems that have many
+/// (`continua::lists_that_end_at_a_limit_begin_with_a_solution`).
 const STARTS: usize = 8;
 
-/// Newton's method for a piecewise-affine map: full steps from selection to selection; once one recurs, only the first site at which the
-/// point leaves its cell changes (K. Murty, 1974).
+/// Newton's method for a piecewise-affine map: full steps from selection to selection; once one recurs, only
+/// the first site at which the point leaves its cell changes (K. Murty, 1974).
 struct Newton<'a> {
     map: &'a dyn PiecewiseSmooth,
     layout: TestLayout,
@@ -26,7 +27,8 @@ struct Newton<'a> {
     tolerance: f64,
 }
 
-/// Selections in whose cells Newton's method ends, and with each those that are active there as well; nothing is proven of them.
+/// Selections in whose cells Newton's method ends, and with each those that are active there as well; nothing
+/// is proven of them.
 pub(super) fn first_selections(
     map: &dyn PiecewiseSmooth,
     alpha: f64,
@@ -91,7 +93,8 @@ impl Newton<'_> {
         None
     }
 
-    /// The step to the solution of a selection, or where it is singular to a point nearby that has the least residual.
+    /// The step to the solution of a selection, or where it is singular to a point nearby that has the least
+    /// residual.
     fn step(&mut self, selection: &Selection) -> Option<()> {
         let n = self.map.num_residuals();
         self.jac.clear();
@@ -136,7 +139,8 @@ impl Newton<'_> {
         Some(right)
     }
 
-    /// Moves to the pieces in whose cells the point lies, where it left those of the selection; `false` where it is in all of them.
+    /// Moves to the pieces in whose cells the point lies, where it left those of the selection; `false` where
+    /// it is in all of them.
     fn change(&self, selection: &mut Selection, singly: bool) -> bool {
         let slack = self.tolerance * (1.0 + max_abs(&self.x));
         let mut changed = false;
@@ -164,6 +168,8 @@ impl Newton<'_> {
         let slack = self.tolerance * (1.0 + max_abs(&self.x));
         let vanishing = (0..self.theta.len()).filter(|&k| self.theta[k].abs() <= slack);
         let active = ActiveSet::from_tests(self.map, &self.layout, &self.theta, vanishing.collect());
-        std::iter::once(selection).chain(active.selections().take(NAMED)).collect()
+        std::iter::once(selection)
+            .chain(active.selections().take(NAMED))
+            .collect()
     }
 }

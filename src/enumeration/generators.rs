@@ -1,11 +1,12 @@
-//! Vertices, directions and lines of a polyhedron given by inequalities, in exact arithmetic: the double description method (T. Motzkin,
-//! H. Raiffa, G. Thompson, R. Thrall, 1953; adjacency as in K. Fukuda, A. Prodon, 1996).
+//! Vertices, directions and lines of a polyhedron given by inequalities, in exact arithmetic: the double
+//! description method (T. Motzkin, H. Raiffa, G. Thompson, R. Thrall, 1953; adjacency as in K. Fukuda, A.
+//! Prodon, 1996).
 
 use num_bigint::BigInt;
 use num_traits::{One, Signed, Zero};
 
-/// Generators kept at most on the way: pairs of them are compared with all others. As many as the selections of one solution that are
-/// examined.
+/// Generators kept at most on the way: pairs of them are compared with all others. As many as the selections
+/// of one solution that are examined.
 const MOST: usize = super::lists::LISTED as usize;
 
 /// In homogeneous coordinates (t, y), of which each vector has no common divisor.
@@ -37,8 +38,8 @@ impl Ray {
     }
 }
 
-/// The generators of {y : c + aᵀy ≥ 0 for all rows (c, a)}, which must not be empty; `None` where there are too many. Work is counted in
-/// numbers written.
+/// The generators of {y : c + aᵀy ≥ 0 for all rows (c, a)}, which must not be empty; `None` where there are
+/// too many. Work is counted in numbers written.
 pub(super) fn generators(dimension: usize, rows: &[Vec<BigInt>], work: &mut u64) -> Option<Generators> {
     let unit = |k: usize| -> Vec<BigInt> {
         let entry = |j: usize| if j == k { BigInt::one() } else { BigInt::zero() };
@@ -64,7 +65,8 @@ pub(super) fn generators(dimension: usize, rows: &[Vec<BigInt>], work: &mut u64)
     Some(Generators { rays, lines })
 }
 
-/// A line that the k-th inequality cuts becomes a ray; all other generators are moved along it until the inequality holds with equality.
+/// A line that the k-th inequality cuts becomes a ray; all other generators are moved along it until the
+/// inequality holds with equality.
 fn halve(
     lines: &mut Vec<Vec<BigInt>>,
     rays: &mut Vec<Ray>,
@@ -80,7 +82,12 @@ fn halve(
     }
     let moved = |at: &[BigInt]| {
         let value = dot(row, at);
-        reduced(at.iter().zip(&line).map(|(a, l)| a * &rate - l * &value).collect())
+        reduced(
+            at.iter()
+                .zip(&line)
+                .map(|(a, l)| a * &rate - l * &value)
+                .collect(),
+        )
     };
     lines.iter_mut().for_each(|other| *other = moved(other));
     for ray in rays.iter_mut() {
@@ -157,7 +164,11 @@ mod tests {
             .collect();
         let found = generators(dimension, &rows, &mut 0).unwrap();
         let number = |v: &BigInt| i64::try_from(v).unwrap();
-        let mut rays: Vec<Vec<i64>> = found.rays.iter().map(|r| r.iter().map(number).collect()).collect();
+        let mut rays: Vec<Vec<i64>> = found
+            .rays
+            .iter()
+            .map(|r| r.iter().map(number).collect())
+            .collect();
         rays.sort();
         (rays, found.lines.len())
     }
@@ -165,7 +176,14 @@ mod tests {
     #[test]
     fn vertices_directions_and_lines_of_known_polyhedra() {
         // The unit square, one inequality of it twice, and one that touches it in a vertex.
-        let square: [&[i64]; 6] = [&[0, 1, 0], &[0, 0, 1], &[1, -1, 0], &[1, 0, -1], &[2, -2, 0], &[2, -1, -1]];
+        let square: [&[i64]; 6] = [
+            &[0, 1, 0],
+            &[0, 0, 1],
+            &[1, -1, 0],
+            &[1, 0, -1],
+            &[2, -2, 0],
+            &[2, -1, -1],
+        ];
         let corners = vec![vec![1, 0, 0], vec![1, 0, 1], vec![1, 1, 0], vec![1, 1, 1]];
         assert_eq!(of(2, &square), (corners, 0));
         // x ≥ 0, x + y ≥ ½: one vertex, two directions.
@@ -202,8 +220,8 @@ mod tests {
         }
     }
 
-    /// Each generator satisfies all inequalities and has as many independent equalities as a vertex or an extreme direction has; and the
-    /// vertices of a bounded polygon are those at which two of its lines meet.
+    /// Each generator satisfies all inequalities and has as many independent equalities as a vertex or an
+    /// extreme direction has; and the vertices of a bounded polygon are those at which two of its lines meet.
     #[test]
     fn vertices_of_random_polygons_are_those_of_pairs_of_lines() {
         let mut random = Random::new(4);
@@ -222,7 +240,9 @@ mod tests {
                         continue;
                     }
                     let at = [det, a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-                    let inside = rows.iter().all(|r| r.iter().zip(&at).map(|(r, x)| r * x).sum::<i64>() >= 0);
+                    let inside = rows
+                        .iter()
+                        .all(|r| r.iter().zip(&at).map(|(r, x)| r * x).sum::<i64>() >= 0);
                     if inside {
                         let at: Vec<BigInt> = at.iter().map(|v| BigInt::from(*v)).collect();
                         pairs.push(reduced(at).iter().map(|v| i64::try_from(v).unwrap()).collect());

@@ -250,7 +250,8 @@ pub(super) struct Gathered<'a> {
     pub(super) continua: Vec<Continuum>,
     extents: Vec<Option<Extent<ExactPoint>>>,
     shapes: Vec<Option<Shape>>,
-    /// Of the forms of each site that are those of one unknown alone: the form, the unknown, and where it vanishes.
+    /// Of the forms of each site that are those of one unknown alone: the form, the unknown, and where it
+    /// vanishes.
     bounds: Vec<Vec<(usize, usize, f64)>>,
     /// Whether a decision was taken in exact arithmetic.
     close: bool,
@@ -293,7 +294,8 @@ impl<'a> Gathered<'a> {
         }
     }
 
-    /// Finds what a cheap solver finds, with a budget of its own: the selections that are examined thereby, and the one that has solutions.
+    /// Finds what a cheap solver finds, with a budget of its own: the selections that are examined thereby,
+    /// and the one that has solutions.
     fn begin(
         &mut self,
         map: &dyn PiecewiseSmooth,
@@ -471,14 +473,17 @@ impl<'a> Gathered<'a> {
             dimension,
             point: shape.as_ref().map_or_else(Vec::new, |s| at(&s.point)),
             ends,
-            directions: shape.as_ref().map_or_else(Vec::new, |s| s.directions_to_f64(known)),
+            directions: shape
+                .as_ref()
+                .map_or_else(Vec::new, |s| s.directions_to_f64(known)),
             described: shape.as_ref().is_some_and(|s| s.described),
         });
         self.extents.push(extent);
         self.shapes.push(shape);
     }
 
-    /// Drops continua that are faces of others, or the same. A point inside of one lies in the other, if it does so at each site.
+    /// Drops continua that are faces of others, or the same. A point inside of one lies in the other, if it
+    /// does so at each site.
     fn drop_faces(&mut self) {
         let first = |c: &Continuum| -> Vec<usize> { c.selections[0].pieces().collect() };
         let pieces: Vec<Vec<usize>> = self.continua.iter().map(first).collect();
@@ -514,7 +519,8 @@ impl<'a> Gathered<'a> {
         self.shapes.retain(|_| next.next() == Some(&false));
     }
 
-    /// For each solution the first continuum to which it belongs. One found by error bounds alone lies in the interior of its cell.
+    /// For each solution the first continuum to which it belongs. One found by error bounds alone lies in the
+    /// interior of its cell.
     fn on_continua(&self) -> Vec<Option<usize>> {
         let own = |c: &Continuum| c.selections.iter().map(|s| s.pieces().collect()).collect();
         let pieces: Vec<Pieces> = self.continua.iter().map(own).collect();
@@ -615,7 +621,8 @@ impl<'a> Gathered<'a> {
         self.solutions.push(solution(x, pieces, found.sign, INSIDE));
     }
 
-    /// A rounded point of the cell of a selection within the conditions of the cell on single unknowns: no point lies beyond a bound.
+    /// A rounded point of the cell of a selection within the conditions of the cell on single unknowns: no
+    /// point lies beyond a bound.
     fn within(&self, pieces: &[usize], mut y: Vec<f64>) -> Vec<f64> {
         for (site, bounds) in self.bounds.iter().enumerate().filter(|b| !b.1.is_empty()) {
             let Some(piece) = exhaustive::piece_of(self.conditions, site, pieces[site]) else {

@@ -83,7 +83,8 @@ pub(super) struct SelectionSearch<'a> {
     pub(super) unproven: Vec<Vec<Option<usize>>>,
     /// The table at the root of the present search.
     root: Option<Table>,
-    /// The table in which the conditions that hold for all selections contradict each other, and the variable whose row shows it.
+    /// The table in which the conditions that hold for all selections contradict each other, and the variable
+    /// whose row shows it.
     pub(super) contradicted: Option<(Table, usize)>,
     /// Numbers stored by levels and tables.
     stored: usize,
@@ -175,8 +176,8 @@ impl<'a> SelectionSearch<'a> {
         Ok(table)
     }
 
-    /// Whether the conditions that hold for all selections contradict each other, those of sites with one piece among them: the table and
-    /// the variable whose row shows it.
+    /// Whether the conditions that hold for all selections contradict each other, those of sites with one
+    /// piece among them: the table and the variable whose row shows it.
     pub(super) fn contradiction(&self) -> Option<(Table, usize)> {
         let mut root = self.root(&[]).ok()?;
         for site in (0..self.system.sites.len()).filter(|&s| self.system.sites[s].pieces.len() == 1) {
@@ -184,7 +185,8 @@ impl<'a> SelectionSearch<'a> {
         }
         let start = root.clone();
         let mut found = root.repair(self.deadline).err()?;
-        // Error bounds grow with each exchange, and what they exceed is taken for zero: anew from the start they are smaller.
+        // Error bounds grow with each exchange, and what they exceed is taken for zero: anew from the start
+        // they are smaller.
         for _ in 0..ROUNDS {
             if root.error(found.var) <= VAGUE {
                 break;

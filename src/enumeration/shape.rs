@@ -37,7 +37,8 @@ impl Shape {
         })
     }
 
-    /// The polyhedron in the remaining columns of a table on which the given variables have their signs; none of them vanishes everywhere.
+    /// The polyhedron in the remaining columns of a table on which the given variables have their signs; none
+    /// of them vanishes everywhere.
     pub(super) fn of_cell(table: &mut Tableau<'_>, facets: &[(usize, i8)]) -> Result<Self, Halt> {
         let dimension = table.dictionary.columns().len();
         let row = |&(var, sign): &(usize, i8)| -> Vec<BigInt> {
@@ -99,8 +100,8 @@ impl Shape {
     }
 }
 
-/// A point inside, in homogeneous coordinates: the mean of the vertices and a step along all directions, in short numbers; where rounding
-/// takes it out, the exact one.
+/// A point inside, in homogeneous coordinates: the mean of the vertices and a step along all directions, in
+/// short numbers; where rounding takes it out, the exact one.
 fn middle(ends: &[Vec<BigInt>], rays: &[Vec<BigInt>], rows: &[Vec<BigInt>]) -> Vec<BigInt> {
     let width = rows.first().or(ends.first()).map_or(1, Vec::len);
     let sum = |k: usize| -> f64 {
@@ -113,7 +114,12 @@ fn middle(ends: &[Vec<BigInt>], rays: &[Vec<BigInt>], rows: &[Vec<BigInt>]) -> V
     };
     let short: Option<Vec<Exact>> = (1..width).map(|k| Exact::new(sum(k))).collect();
     if let Some(short) = short {
-        let unit = short.iter().filter_map(Exact::granularity).min().unwrap_or(0).min(0);
+        let unit = short
+            .iter()
+            .filter_map(Exact::granularity)
+            .min()
+            .unwrap_or(0)
+            .min(0);
         let at: Vec<BigInt> = std::iter::once(Exact::one())
             .chain(short)
             .map(|v| v.integer(-unit))
@@ -145,7 +151,11 @@ impl Tableau<'_> {
         let denominator = self.dictionary.denominator();
         ExactPoint {
             numerators: (0..self.conditions.unknowns).map(numerator).collect(),
-            denominator: if t.is_zero() { denominator.clone() } else { denominator * t },
+            denominator: if t.is_zero() {
+                denominator.clone()
+            } else {
+                denominator * t
+            },
         }
     }
 }

@@ -6,11 +6,14 @@ use semismooth::sparse::Matrix;
 
 fn nearest(cones: Vec<Cone>) -> ConeProblem<AffineFunction> {
     let n = cones.iter().map(|c| c.len()).sum();
-    let q = (0..n).map(|i| f64::from((i * 37 % 101) as u32) / 101.0 - 0.5).collect();
+    let q = (0..n)
+        .map(|i| f64::from((i * 37 % 101) as u32) / 101.0 - 0.5)
+        .collect();
     ConeProblem::new(AffineFunction::new(Matrix::identity(n), q).unwrap(), cones).unwrap()
 }
 
-/// Of a cone with n variables n² derivatives are stored; many small cones with as many variables, or half-lines, need little.
+/// Of a cone with n variables n² derivatives are stored; many small cones with as many variables, or
+/// half-lines, need little.
 #[test]
 fn what_does_not_fit_is_refused() {
     for cone in [Cone::SecondOrder(20_000), Cone::Semidefinite(150)] {
@@ -22,12 +25,17 @@ fn what_does_not_fit_is_refused() {
             matches!(refused, Err(ConeError::Memory { needed, limit }) if large(needed, limit)),
             "{cone:?}: {refused:?}"
         );
-        assert!(matches!(ConeMap::natural(&problem), Err(ConeError::Memory { .. })));
+        assert!(matches!(
+            ConeMap::natural(&problem),
+            Err(ConeError::Memory { .. })
+        ));
         assert!(matches!(ConeMap::normal(&problem), Err(ConeError::Memory { .. })));
     }
     for cones in [vec![Cone::SecondOrder(4); 5_000], vec![Cone::Nonnegative(20_000)]] {
         let problem = nearest(cones);
-        let report = ConeSolver::default().solve(&problem, &mut vec![0.0; 20_000]).unwrap();
+        let report = ConeSolver::default()
+            .solve(&problem, &mut vec![0.0; 20_000])
+            .unwrap();
         assert!(report.is_solved(), "{report}");
     }
 }

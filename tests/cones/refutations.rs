@@ -164,8 +164,9 @@ fn infeasible_problems_are_refuted_in_any_units() {
     }
 }
 
-/// min cᵀx over A x = b in second-order cones and half-lines, with y planted such that −Aᵀy lies inside of the cone and bᵀy > 0: no x in the
-/// cone has A x = b, by a margin. The unknowns are x, with F = c − Aᵀλ, and λ, with F = A x − b.
+/// min cᵀx over A x = b in second-order cones and half-lines, with y planted such that −Aᵀy lies inside of
+/// the cone and bᵀy > 0: no x in the cone has A x = b, by a margin. The unknowns are x, with F = c − Aᵀλ, and
+/// λ, with F = A x − b.
 fn strongly_infeasible(random: &mut Random, sizes: &[usize], rows: usize) -> (Vec<Vec<f64>>, Vec<f64>) {
     let n: usize = sizes.iter().sum();
     let mut a: Vec<Vec<f64>> = (0..rows)
@@ -219,11 +220,17 @@ fn strongly_infeasible_programs_are_refuted() {
             let mut at = 0;
             for &size in sizes {
                 let image: Vec<f64> = (at..at + size).map(back).collect();
-                assert!(image[0] >= norm(&image[1..]) && v[at] >= norm(&v[at + 1..at + size]), "{sizes:?} {k}");
+                assert!(
+                    image[0] >= norm(&image[1..]) && v[at] >= norm(&v[at + 1..at + size]),
+                    "{sizes:?} {k}"
+                );
                 at += size;
             }
             let left: f64 = (n..n + rows).map(|j| back(j).abs()).fold(0.0, f64::max);
-            assert!(value < 0.0 && left <= 1e-12 * norm(v), "{sizes:?} {k}: {value} {left:e}");
+            assert!(
+                value < 0.0 && left <= 1e-12 * norm(v),
+                "{sizes:?} {k}: {value} {left:e}"
+            );
         }
     }
 }

@@ -21,9 +21,13 @@ fn game(a: &Rows, b: &Rows) -> Lcp {
     Lcp::new(Matrix::from_rows(&rows).unwrap(), vec![1.0; m + n]).unwrap()
 }
 
-/// By how much the strategies (x, y) fail to be best responses to each other, in the payoffs as they are given.
+/// By how much the strategies (x, y) fail to be best responses to each other, in the payoffs as they are
+/// given.
 fn regret(a: &Rows, b: &Rows, x: &[f64], y: &[f64]) -> f64 {
-    let first: Vec<f64> = a.iter().map(|r| r.iter().zip(y).map(|(a, y)| a * y).sum()).collect();
+    let first: Vec<f64> = a
+        .iter()
+        .map(|r| r.iter().zip(y).map(|(a, y)| a * y).sum())
+        .collect();
     let second: Vec<f64> = (0..y.len())
         .map(|j| b.iter().zip(x).map(|(r, x)| r[j] * x).sum())
         .collect();
@@ -43,7 +47,11 @@ fn equilibria(a: &Rows, b: &Rows) -> Vec<Vec<f64>> {
         let mut z = vec![0.0; m + n];
         let options = LemkeOptions::default().with_label(label);
         let report = Lemke::new(options).solve(&lcp, &mut z).unwrap();
-        assert_eq!(report.status, LemkeStatus::Solved, "label {label} of {a:?} {b:?}: {report}");
+        assert_eq!(
+            report.status,
+            LemkeStatus::Solved,
+            "label {label} of {a:?} {b:?}: {report}"
+        );
         let (x, y) = z.split_at(m);
         let shares = |v: &[f64]| -> Vec<f64> {
             let sum: f64 = v.iter().sum();
@@ -62,7 +70,8 @@ fn rows(values: &[&[f64]]) -> Rows {
     values.iter().map(|r| r.to_vec()).collect()
 }
 
-/// Games of the literature, degenerate ones and those with one equilibrium among them: whatever the label, an equilibrium is found.
+/// Games of the literature, degenerate ones and those with one equilibrium among them: whatever the label, an
+/// equilibrium is found.
 #[test]
 fn all_labels_of_known_games_lead_to_equilibria() {
     // Von Stengel's example with three equilibria; two of them are found from the artificial one.
@@ -74,7 +83,10 @@ fn all_labels_of_known_games_lead_to_equilibria() {
         .collect();
     kinds.sort();
     kinds.dedup();
-    assert!(kinds.contains(&vec![60, 0, 0, 60, 0]) && kinds.contains(&vec![0, 20, 40, 20, 40]), "{kinds:?}");
+    assert!(
+        kinds.contains(&vec![60, 0, 0, 60, 0]) && kinds.contains(&vec![0, 20, 40, 20, 40]),
+        "{kinds:?}"
+    );
     // Degenerate: the first player has two best responses to the first column.
     equilibria(
         &rows(&[&[3.0, 3.0], &[3.0, 5.0], &[0.0, 6.0]]),
@@ -86,17 +98,22 @@ fn all_labels_of_known_games_lead_to_equilibria() {
     for e in equilibria(&cycle, &other) {
         assert!(e.iter().all(|p| (p - 1.0 / 3.0).abs() < 1e-14), "{e:?}");
     }
-    // The prisoners' dilemma, matching pennies, a game in which all payoffs are equal, and one with a single strategy.
+    // The prisoners' dilemma, matching pennies, a game in which all payoffs are equal, and one with a single
+    // strategy.
     equilibria(
         &rows(&[&[-1.0, -3.0], &[0.0, -2.0]]),
         &rows(&[&[-1.0, 0.0], &[-3.0, -2.0]]),
     );
-    equilibria(&rows(&[&[1.0, -1.0], &[-1.0, 1.0]]), &rows(&[&[-1.0, 1.0], &[1.0, -1.0]]));
+    equilibria(
+        &rows(&[&[1.0, -1.0], &[-1.0, 1.0]]),
+        &rows(&[&[-1.0, 1.0], &[1.0, -1.0]]),
+    );
     equilibria(&vec![vec![2.0; 4]; 3], &vec![vec![2.0; 4]; 3]);
     equilibria(&rows(&[&[5.0, 1.0, 3.0]]), &rows(&[&[0.0, 2.0, 1.0]]));
 }
 
-/// Games of random sizes, with payoffs in full digits and, degenerate, in small integers, in zero-sum games, too.
+/// Games of random sizes, with payoffs in full digits and, degenerate, in small integers, in zero-sum games,
+/// too.
 #[test]
 fn random_games_are_solved_by_every_label() {
     let mut random = Random::new(8);
@@ -107,7 +124,9 @@ fn random_games_are_solved_by_every_label() {
                 0 => random.symmetric(),
                 _ => random.below(4) as f64,
             };
-            (0..m).map(|_| (0..n).map(|_| entry(&mut random)).collect()).collect()
+            (0..m)
+                .map(|_| (0..n).map(|_| entry(&mut random)).collect())
+                .collect()
         };
         let a = matrix();
         let b = match k % 3 {
@@ -126,12 +145,17 @@ fn units_of_payoffs_do_not_matter() {
     let b: Rows = (0..4).map(|_| random.vector(3, 1.0)).collect();
     let lcp = game(&a, &b);
     for unit in [1e-8_f64, 1e8].map(|u| u.log2().round().exp2()) {
-        let values = lcp.matrix().triplets().map(|(i, j, v)| (i, j, v * unit)).collect::<Vec<_>>();
+        let values = lcp
+            .matrix()
+            .triplets()
+            .map(|(i, j, v)| (i, j, v * unit))
+            .collect::<Vec<_>>();
         let scaled = Lcp::new(Matrix::from_triplets(7, 7, &values).unwrap(), vec![1.0; 7]).unwrap();
         for label in 0..7 {
             let mut solver = Lemke::new(LemkeOptions::default().with_label(label));
             let (mut z, mut y) = (vec![0.0; 7], vec![0.0; 7]);
-            let status = [solver.solve(&lcp, &mut z), solver.solve(&scaled, &mut y)].map(|r| r.unwrap().status);
+            let status =
+                [solver.solve(&lcp, &mut z), solver.solve(&scaled, &mut y)].map(|r| r.unwrap().status);
             assert_eq!(status, [LemkeStatus::Solved; 2]);
             assert!(z.iter().zip(&y).all(|(z, y)| *z == y * unit), "{z:?} {y:?}");
         }
@@ -151,14 +175,20 @@ fn labels_that_begin_no_path_are_refused() {
     let inf = f64::INFINITY;
     assert!(solve(&lcp(1.0, inf), 1).is_ok());
     let beyond = solve(&lcp(1.0, inf), 2);
-    assert!(matches!(beyond, Err(ComplementarityError::Option { name: "label", .. })), "{beyond:?}");
+    assert!(
+        matches!(beyond, Err(ComplementarityError::Option { name: "label", .. })),
+        "{beyond:?}"
+    );
     for refused in [solve(&lcp(-1.0, inf), 0), solve(&lcp(1.0, 3.0), 0)] {
-        assert!(matches!(refused, Err(ComplementarityError::Unsuitable { .. })), "{refused:?}");
+        assert!(
+            matches!(refused, Err(ComplementarityError::Unsuitable { .. })),
+            "{refused:?}"
+        );
     }
 }
 
-/// min cᵀx, A x = b, x ≥ 0 with x and the multipliers λ of a known optimum: the conditions c − Aᵀλ ≥ 0 ⟂ x ≥ 0, A x − b = 0 with λ free,
-/// whose block of M is zero.
+/// min cᵀx, A x = b, x ≥ 0 with x and the multipliers λ of a known optimum: the conditions c − Aᵀλ ≥ 0 ⟂ x ≥
+/// 0, A x − b = 0 with λ free, whose block of M is zero.
 #[test]
 fn linear_programs_with_equations_are_solved() {
     let mut random = Random::new(21);
@@ -171,8 +201,14 @@ fn linear_programs_with_equations_are_solved() {
         }
         let x: Vec<f64> = (0..n).map(|_| random.symmetric().max(0.0)).collect();
         let lambda = random.vector(rows, 1.0);
-        let b: Vec<f64> = a.iter().map(|r| r.iter().zip(&x).map(|(a, x)| a * x).sum()).collect();
-        let reduced: Vec<f64> = x.iter().map(|x| if *x > 0.0 { 0.0 } else { random.unit() }).collect();
+        let b: Vec<f64> = a
+            .iter()
+            .map(|r| r.iter().zip(&x).map(|(a, x)| a * x).sum())
+            .collect();
+        let reduced: Vec<f64> = x
+            .iter()
+            .map(|x| if *x > 0.0 { 0.0 } else { random.unit() })
+            .collect();
         let c: Vec<f64> = (0..n)
             .map(|j| reduced[j] + (0..rows).map(|i| a[i][j] * lambda[i]).sum::<f64>())
             .collect();
@@ -190,8 +226,16 @@ fn linear_programs_with_equations_are_solved() {
         let report = Lemke::default().solve(&lcp, &mut z).unwrap();
         assert_eq!(report.status, LemkeStatus::Solved, "{k}: {report}");
         let cost = |x: &[f64]| -> f64 { x.iter().zip(&c).map(|(x, c)| x * c).sum() };
-        assert!((cost(&z[..n]) - cost(&x)).abs() <= 1e-9, "{k}: {} {}", cost(&z[..n]), cost(&x));
-        assert!(lcp.natural_residual(&z, &mut vec![0.0; n + rows]).unwrap() <= 1e-12, "{k}");
+        assert!(
+            (cost(&z[..n]) - cost(&x)).abs() <= 1e-9,
+            "{k}: {} {}",
+            cost(&z[..n]),
+            cost(&x)
+        );
+        assert!(
+            lcp.natural_residual(&z, &mut vec![0.0; n + rows]).unwrap() <= 1e-12,
+            "{k}"
+        );
     }
     // x₀ + x₁ = −1 with x ≥ 0: the ray proves that there is no solution.
     let m = Matrix::from_rows(&[[0.0, 0.0, -1.0], [0.0, 0.0, -1.0], [1.0, 1.0, 0.0]]).unwrap();

@@ -4,7 +4,8 @@ use super::random::Random;
 use semismooth::complementarity::{Lcp, McpSolver, McpStatus};
 use semismooth::sparse::Matrix;
 
-/// Whether vᵀ(M z + q) < 0 for all z within the bounds though v is such that it is not negative at solutions, up to rounding.
+/// Whether vᵀ(M z + q) < 0 for all z within the bounds though v is such that it is not negative at solutions,
+/// up to rounding.
 fn refutes(lcp: &Lcp, v: &[f64]) -> bool {
     let n = lcp.len();
     let (mut sum, mut size) = (0.0, 0.0);
@@ -35,8 +36,9 @@ fn refutes(lcp: &Lcp, v: &[f64]) -> bool {
     sum < -1e-12 * size
 }
 
-/// Stocks that run out: prices grow by a part in each period and would have to exceed what the last allows. No conditions on signs alone
-/// contradict each other: all active sets are ruled out, in a search of few nodes.
+/// Stocks that run out: prices grow by a part in each period and would have to exceed what the last allows.
+/// No conditions on signs alone contradict each other: all active sets are ruled out, in a search of few
+/// nodes.
 fn stocks(periods: usize, growth: f64, slope: f64) -> Lcp {
     let n = 3 * periods;
     let mut entries = Vec::new();
@@ -66,15 +68,26 @@ fn stocks_that_run_out_are_refuted_at_once() {
             let mut x = vec![0.0; lcp.len()];
             let mut solver = McpSolver::default();
             let report = solver.solve(lcp.mcp(), &mut x).unwrap();
-            assert_eq!(report.status, McpStatus::Infeasible, "{periods} {growth}: {report}");
+            assert_eq!(
+                report.status,
+                McpStatus::Infeasible,
+                "{periods} {growth}: {report}"
+            );
             let tried = report.fallbacks.len();
-            assert!(lcp.len() <= 24 || report.iterations < 1000 && tried <= 3, "{periods}: {tried} {report}");
-            assert!(report.certificate.is_empty() || refutes(&lcp, &report.certificate), "{report:?}");
+            assert!(
+                lcp.len() <= 24 || report.iterations < 1000 && tried <= 3,
+                "{periods}: {tried} {report}"
+            );
+            assert!(
+                report.certificate.is_empty() || refutes(&lcp, &report.certificate),
+                "{report:?}"
+            );
         }
     }
 }
 
-/// M and q with v ≥ 0 planted such that Mᵀv ≤ 0 and qᵀv < 0: sparse and full, with bounds of all kinds, in units far apart.
+/// M and q with v ≥ 0 planted such that Mᵀv ≤ 0 and qᵀv < 0: sparse and full, with bounds of all kinds, in
+/// units far apart.
 #[test]
 fn planted_contradictions_are_found() {
     let mut random = Random::new(31);
@@ -99,7 +112,9 @@ fn planted_contradictions_are_found() {
         }
         let mut q = random.vector(n, 1.0);
         q[n - 1] = -(0..n - 1).map(|i| q[i] * v[i]).sum::<f64>() - 0.1;
-        let units: Vec<f64> = (0..n).map(|_| (20.0 * random.symmetric()).round().exp2()).collect();
+        let units: Vec<f64> = (0..n)
+            .map(|_| (20.0 * random.symmetric()).round().exp2())
+            .collect();
         if k % 3 == 0 {
             for i in 0..n {
                 rows[i].iter_mut().for_each(|a| *a *= units[i]);
@@ -119,7 +134,11 @@ fn planted_contradictions_are_found() {
         let report = solver.solve(lcp.mcp(), &mut x).unwrap();
         assert_eq!(report.status, McpStatus::Infeasible, "{k}: {report}");
         let certified = refutes(&lcp, &report.certificate);
-        assert!(certified || report.fallbacks.len() > 2, "{k}: {:?}", report.certificate);
+        assert!(
+            certified || report.fallbacks.len() > 2,
+            "{k}: {:?}",
+            report.certificate
+        );
         refuted += usize::from(report.fallbacks.len() <= 2);
     }
     assert!(refuted >= 59, "{refuted}");

@@ -1,4 +1,5 @@
-//! Continua of dimension two and more: vertices, directions, a point inside, and no faces of others; and what lists begin with.
+//! Continua of dimension two and more: vertices, directions, a point inside, and no faces of others; and what
+//! lists begin with.
 
 use semismooth::complementarity::Lcp;
 use semismooth::enumeration::{Continuum, EnumerationOptions, SolutionSet, all_solutions};
@@ -28,32 +29,56 @@ fn only(set: &SolutionSet) -> &Continuum {
     continuum
 }
 
-/// Where F = 0 everywhere the solutions are the box: its corners are vertices, each infinite bound is a direction, and its faces and
-/// corners are no continua of their own.
+/// Where F = 0 everywhere the solutions are the box: its corners are vertices, each infinite bound is a
+/// direction, and its faces and corners are no continua of their own.
 #[test]
 fn boxes_are_described_by_their_corners_and_directions() {
-    for kinds in [&[2_usize][..], &[0], &[3], &[2, 2], &[0, 2], &[0, 0], &[1, 0], &[3, 2], &[3, 3], &[2, 0, 1, 2], &[3, 2, 0]] {
+    for kinds in [
+        &[2_usize][..],
+        &[0],
+        &[3],
+        &[2, 2],
+        &[0, 2],
+        &[0, 0],
+        &[1, 0],
+        &[3, 2],
+        &[3, 3],
+        &[2, 0, 1, 2],
+        &[3, 2, 0],
+    ] {
         let n = kinds.len();
         let low = |kind: usize| if kind % 2 == 1 { -INFINITE } else { -1.0 };
         let high = |kind: usize| if kind == 0 || kind == 3 { INFINITE } else { 2.0 };
-        let (lower, upper) = (kinds.iter().map(|k| low(*k)).collect(), kinds.iter().map(|k| high(*k)).collect());
+        let (lower, upper) = (
+            kinds.iter().map(|k| low(*k)).collect(),
+            kinds.iter().map(|k| high(*k)).collect(),
+        );
         let lcp = Lcp::boxed(zeros(n), vec![0.0; n], lower, upper).unwrap();
         let set = list(lcp.mcp(), 0.0);
         let found = only(&set);
         assert!(found.described && found.dimension == n, "{kinds:?}: {found:?}");
         // Corners of the components that have any: the others are the same in all of them.
         let bounded: Vec<usize> = (0..n).filter(|&i| kinds[i] != 3).collect();
-        let ends = found.ends.iter().map(|e| bounded.iter().map(|&i| e[i]).collect::<Vec<f64>>());
+        let ends = found
+            .ends
+            .iter()
+            .map(|e| bounded.iter().map(|&i| e[i]).collect::<Vec<f64>>());
         let mut corners = vec![Vec::new()];
         for &i in &bounded {
-            let each = [low(kinds[i]), high(kinds[i])].into_iter().filter(|v| v.is_finite());
+            let each = [low(kinds[i]), high(kinds[i])]
+                .into_iter()
+                .filter(|v| v.is_finite());
             let longer = |v: f64| corners.iter().map(move |c: &Vec<f64>| [&c[..], &[v]].concat());
             corners = each.flat_map(longer).collect();
         }
         if n > 1 || !bounded.is_empty() {
             assert_eq!(sorted(&ends.collect::<Vec<_>>()), sorted(&corners), "{kinds:?}");
         }
-        let axis = |i: usize, sign: f64| (0..n).map(|j| if j == i { sign } else { 0.0 }).collect::<Vec<f64>>();
+        let axis = |i: usize, sign: f64| {
+            (0..n)
+                .map(|j| if j == i { sign } else { 0.0 })
+                .collect::<Vec<f64>>()
+        };
         let mut ways = Vec::new();
         for (i, &kind) in kinds.iter().enumerate() {
             ways.extend((kind % 2 == 1).then(|| axis(i, -1.0)));
@@ -61,9 +86,18 @@ fn boxes_are_described_by_their_corners_and_directions() {
         }
         assert_eq!(sorted(&found.directions), sorted(&ways), "{kinds:?}");
         let inside = |(i, x): (usize, &f64)| *x > low(kinds[i]) && *x < high(kinds[i]);
-        assert!(found.point.iter().enumerate().all(inside), "{kinds:?}: {:?}", found.point);
+        assert!(
+            found.point.iter().enumerate().all(inside),
+            "{kinds:?}: {:?}",
+            found.point
+        );
         // Corners that are listed as points, since regular selections have them, are marked.
-        assert!(set.solutions.iter().all(|s| s.continuum == Some(0) && s.index.is_none()), "{set:?}");
+        assert!(
+            set.solutions
+                .iter()
+                .all(|s| s.continuum == Some(0) && s.index.is_none()),
+            "{set:?}"
+        );
     }
 }
 
@@ -96,7 +130,9 @@ fn rank(mut vectors: Vec<Vec<f64>>) -> usize {
     let width = vectors.first().map_or(0, Vec::len);
     for column in 0..width {
         let size = |v: &[f64]| v[column].abs();
-        let Some(pivot) = (found..vectors.len()).max_by(|a, b| size(&vectors[*a]).total_cmp(&size(&vectors[*b]))) else {
+        let Some(pivot) =
+            (found..vectors.len()).max_by(|a, b| size(&vectors[*a]).total_cmp(&size(&vectors[*b])))
+        else {
             break;
         };
         if size(&vectors[pivot]) < 1e-9 {
@@ -106,7 +142,9 @@ fn rank(mut vectors: Vec<Vec<f64>>) -> usize {
         let (above, below) = vectors.split_at_mut(found + 1);
         for row in below {
             let factor = row[column] / above[found][column];
-            row.iter_mut().zip(&above[found]).for_each(|(a, b)| *a -= factor * b);
+            row.iter_mut()
+                .zip(&above[found])
+                .for_each(|(a, b)| *a -= factor * b);
         }
         found += 1;
     }
@@ -117,8 +155,8 @@ fn residual(lcp: &Lcp, x: &[f64]) -> f64 {
     lcp.natural_residual(x, &mut vec![0.0; x.len()]).unwrap()
 }
 
-/// The solutions of a monotone problem form one polyhedron: a point, or one continuum. Its points, combined of ends and directions at
-/// random, are solutions, none lies beyond a bound, and they span its dimension.
+/// The solutions of a monotone problem form one polyhedron: a point, or one continuum. Its points, combined
+/// of ends and directions at random, are solutions, none lies beyond a bound, and they span its dimension.
 #[test]
 fn monotone_problems_have_one_polyhedron() {
     let (mut random, mut large) = (Random::new(2), 0);
@@ -136,7 +174,10 @@ fn monotone_problems_have_one_polyhedron() {
             continue;
         }
         let found = only(&set);
-        assert!(set.solutions.iter().all(|s| s.continuum == Some(0)), "{k}: {set:?}");
+        assert!(
+            set.solutions.iter().all(|s| s.continuum == Some(0)),
+            "{k}: {set:?}"
+        );
         assert!(found.described && !found.ends.is_empty(), "{k}: {found:?}");
         large += usize::from(found.dimension > 1);
         let size = found.ends.iter().flatten().fold(1.0_f64, |m, v| m.max(v.abs()));
@@ -151,20 +192,30 @@ fn monotone_problems_have_one_polyhedron() {
                 let step = 3.0 * random.unit();
                 x.iter_mut().zip(direction).for_each(|(x, d)| *x += step * d);
             }
-            assert!(residual(&lcp, &x) <= 1e-11 * size * n as f64, "{k}: {x:?} {found:?}");
+            assert!(
+                residual(&lcp, &x) <= 1e-11 * size * n as f64,
+                "{k}: {x:?} {found:?}"
+            );
         }
         let points = found.ends.iter().chain([&found.point]);
         assert!(points.flatten().all(|v| *v >= 0.0), "{k}: {found:?}");
-        assert!(residual(&lcp, &found.point) <= 1e-11 * size * n as f64, "{k}: {found:?}");
+        assert!(
+            residual(&lcp, &found.point) <= 1e-11 * size * n as f64,
+            "{k}: {found:?}"
+        );
         let first = &found.ends[0];
-        let apart = found.ends.iter().map(|e| e.iter().zip(first).map(|(a, b)| a - b).collect());
+        let apart = found
+            .ends
+            .iter()
+            .map(|e| e.iter().zip(first).map(|(a, b)| a - b).collect());
         let spanned = rank(apart.chain(found.directions.iter().cloned()).collect());
         assert_eq!(spanned, found.dimension, "{k}: {found:?}");
     }
     assert!(large > 20, "{large}");
 }
 
-/// Continua of problems that are not monotone: none is a face of another, no point is listed twice, and all points lie within the bounds.
+/// Continua of problems that are not monotone: none is a face of another, no point is listed twice, and all
+/// points lie within the bounds.
 #[test]
 fn lists_of_degenerate_problems_hold_nothing_twice() {
     let mut random = Random::new(7);
@@ -179,7 +230,10 @@ fn lists_of_degenerate_problems_hold_nothing_twice() {
         let set = list(lcp.mcp(), 0.0);
         assert!(set.completeness.is_complete(), "{k}: {set}");
         for (i, s) in set.solutions.iter().enumerate() {
-            assert!(set.solutions[..i].iter().all(|other| other.x != s.x), "{k}: {set:?}");
+            assert!(
+                set.solutions[..i].iter().all(|other| other.x != s.x),
+                "{k}: {set:?}"
+            );
             assert!(s.x.iter().all(|v| (0.0..=upper).contains(v)), "{k}: {:?}", s.x);
         }
         for (i, c) in set.continua.iter().enumerate() {
@@ -194,7 +248,8 @@ fn lists_of_degenerate_problems_hold_nothing_twice() {
     }
 }
 
-/// min cᵀx, A x ≥ b, x ≥ 0, its multipliers free of sign where rows are equations: rounded points keep to the bounds.
+/// min cᵀx, A x ≥ b, x ≥ 0, its multipliers free of sign where rows are equations: rounded points keep to the
+/// bounds.
 #[test]
 fn no_point_lies_beyond_a_bound() {
     let (mut random, mut listed) = (Random::new(14), 0);
@@ -223,8 +278,8 @@ fn no_point_lies_beyond_a_bound() {
     assert!(listed > 40, "{listed}");
 }
 
-/// Stocks qᵢ at prices λᵢ = 50 − qᵢ/10 that the next must not exceed by more than a part: a large continuum, which a search of few nodes
-/// does not reach. The list begins with one of its points.
+/// Stocks qᵢ at prices λᵢ = 50 − qᵢ/10 that the next must not exceed by more than a part: a large continuum,
+/// which a search of few nodes does not reach. The list begins with one of its points.
 #[test]
 fn lists_that_end_at_a_limit_begin_with_a_solution() {
     for periods in [2, 5, 10, 20] {

@@ -46,22 +46,24 @@ enum Side {
 
 /// Lemke's complementary pivoting for the (box) LCP, with a lexicographic ratio test.
 ///
-/// Starting at z = the bound nearest to minus infinity that is finite, the method follows the solutions of
-/// w = M z + q + t d, complementary in (z, w), from large t to t = 0. The lexicographic rule excludes cycling, so that the path
-/// ends at a solution or on a ray for any M. Bounds are handled as such: an upper bound costs no extra unknown. It finds a
-/// solution whenever there is one for copositive-plus matrices (positive semidefinite ones included), and always for P matrices,
-/// strictly copositive ones, and for finite boxes (C. E. Lemke, 1965; R. W. Cottle, J.-S. Pang, R. E. Stone, *The Linear
-/// Complementarity Problem*, 1992, algorithm 4.4.5 and section 4.9).
+/// Starting at z = the bound nearest to minus infinity that is finite, the method follows the solutions of w
+/// = M z + q + t d, complementary in (z, w), from large t to t = 0. The lexicographic rule excludes cycling,
+/// so that the path ends at a solution or on a ray for any M. Bounds are handled as such: an upper bound
+/// costs no extra unknown. It finds a solution whenever there is one for copositive-plus matrices (positive
+/// semidefinite ones included), and always for P matrices, strictly copositive ones, and for finite boxes (C.
+/// E. Lemke, 1965; R. W. Cottle, J.-S. Pang, R. E. Stone, *The Linear Complementarity Problem*, 1992,
+/// algorithm 4.4.5 and section 4.9).
 ///
-/// With [`LemkeOptions::label`] the path begins at the solution z = 0 of a problem with q ≥ 0 and leads to another one (C. E. Lemke,
-/// J. T. Howson, 1964). A bimatrix game whose players have the payoffs A > 0 and B > 0 is M = −[0 A; Bᵀ 0], q = 1: the parts of z, each
-/// divided by its sum, are an equilibrium, and each label leads to one, though not each equilibrium is found by a label.
+/// With [`LemkeOptions::label`] the path begins at the solution z = 0 of a problem with q ≥ 0 and leads to
+/// another one (C. E. Lemke, J. T. Howson, 1964). A bimatrix game whose players have the payoffs A > 0 and B
+/// > 0 is M = −[0 A; Bᵀ 0], q = 1: the parts of z, each divided by its sum, are an equilibrium, and each
+/// label leads to one, though not each equilibrium is found by a label.
 ///
-/// Unknowns without bounds may have any block of M: where it is singular, as in the optimality conditions of linear programs with
-/// equations, each of them counts as the difference of two that are not negative.
+/// Unknowns without bounds may have any block of M: where it is singular, as in the optimality conditions of
+/// linear programs with equations, each of them counts as the difference of two that are not negative.
 ///
-/// The inverse of the basis is updated (n² operations an exchange) and recomputed when it has become inaccurate. A solver that is used
-/// again allocates nothing for problems that are not larger than the first.
+/// The inverse of the basis is updated (n² operations an exchange) and recomputed when it has become
+/// inaccurate. A solver that is used again allocates nothing for problems that are not larger than the first.
 ///
 /// ```
 /// use semismooth::complementarity::{Lcp, pivoting::{Lemke, LemkeStatus}};
@@ -149,13 +151,14 @@ impl Lemke {
         self.has_ray.then_some(&self.ray)
     }
 
-    /// Solves the problem; `z` is overwritten by the solution or the end of the path. Its content before does not matter.
+    /// Solves the problem; `z` is overwritten by the solution or the end of the path. Its content before does
+    /// not matter.
     ///
     /// # Errors
-    /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for a covering vector that is not
-    /// positive or a label that is none, [`ComplementarityError::Unsuitable`] for more than 20 000 unknowns (where the block of those
-    /// without bounds is singular, these count twice), or for a label where z at its bounds is no solution or the unknown has not just one
-    /// bound.
+    /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for
+    /// a covering vector that is not positive or a label that is none, [`ComplementarityError::Unsuitable`]
+    /// for more than 20 000 unknowns (where the block of those without bounds is singular, these count
+    /// twice), or for a label where z at its bounds is no solution or the unknown has not just one bound.
     pub fn solve(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<LemkeReport, ComplementarityError> {
         self.solve_observed(lcp, z, |_| ControlFlow::Continue(()))
     }

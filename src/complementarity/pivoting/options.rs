@@ -17,9 +17,10 @@ pub struct LemkeOptions {
     /// `max_pivots` is set). It chooses the path, and with several
     /// solutions the one that is found.
     pub covering: Option<Vec<f64>>,
-    /// The number k of the unknown at which the path begins, for the method of Lemke and Howson; default `None`. Then z at its bounds has to
-    /// be a solution (z = 0 with q ≥ 0), and the path of points at which all pairs but (zₖ, wₖ) are complementary leads from it to another
-    /// solution. There is no covering vector.
+    /// The number k of the unknown at which the path begins, for the method of Lemke and Howson; default
+    /// `None`. Then z at its bounds has to be a solution (z = 0 with q ≥ 0), and the path of points at which
+    /// all pairs but (zₖ, wₖ) are complementary leads from it to another solution. There is no covering
+    /// vector.
     pub label: Option<usize>,
 }
 
@@ -108,7 +109,8 @@ pub struct LemkePivot {
     pub index: usize,
     /// Number of the path, from 0: a path that cycles is restarted with another covering vector.
     pub path: usize,
-    /// The covering variable t before it: 0 at a solution, and on paths without one. It need not fall from one exchange to the next.
+    /// The covering variable t before it: 0 at a solution, and on paths without one. It need not fall from
+    /// one exchange to the next.
     pub cover: f64,
 }
 

@@ -409,7 +409,9 @@ impl<'a> Collector<'a> {
         };
         let unit = max_abs(direction);
         let turned = |sign: f64| -> Vec<f64> { direction.iter().map(|d| sign * d / unit).collect() };
-        let ways = [(high, 1.0), (low, -1.0)].into_iter().filter(|w| w.0.is_infinite());
+        let ways = [(high, 1.0), (low, -1.0)]
+            .into_iter()
+            .filter(|w| w.0.is_infinite());
         let directions = ways.map(|w| turned(w.1)).collect();
         let agrees = |other: &Option<Extent<Vec<f64>>>| {
             let other = other.as_ref();

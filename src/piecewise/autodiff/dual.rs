@@ -9,7 +9,8 @@ fn chain(x: Dual64, value: f64, slope: f64) -> Dual64 {
     Dual64::new(value, if x.eps == 0.0 { 0.0 } else { x.eps * slope })
 }
 
-/// xⁿ. Where x⁻ⁿ is too large or too small to be divided by, xⁿ may still be a number: then it is the power of 1/x.
+/// xⁿ. Where x⁻ⁿ is too large or too small to be divided by, xⁿ may still be a number: then it is the power
+/// of 1/x.
 fn whole_power(x: f64, n: i32) -> f64 {
     let power = x.powi(n);
     let inverse = x.recip();
@@ -77,7 +78,8 @@ impl Real for Dual64 {
 mod tests {
     use super::*;
 
-    /// n xⁿ⁻¹ from logarithms, where it is a number, at points all over the range of numbers and for all signs.
+    /// n xⁿ⁻¹ from logarithms, where it is a number, at points all over the range of numbers and for all
+    /// signs.
     #[test]
     fn slopes_of_powers_are_numbers_wherever_they_exist() {
         for n in [-40, -7, -3, -2, -1, 0, 1, 2, 3, 8, 33] {

@@ -14,13 +14,16 @@ impl Lemke {
 
     /// The variable after which zₖ enters, for a path that begins with it.
     pub(super) fn check_label(&self, lcp: &Lcp, label: usize) -> Result<Var, ComplementarityError> {
-        let solved = self.basic.iter().zip(&self.side).zip(&self.value).all(|((var, side), v)| {
-            match (var, side) {
+        let solved = self
+            .basic
+            .iter()
+            .zip(&self.side)
+            .zip(&self.value)
+            .all(|((var, side), v)| match (var, side) {
                 (Var::Slack(_), Side::Lower) => *v >= 0.0,
                 (Var::Slack(_), Side::Upper) => *v <= 0.0,
                 _ => true,
-            }
-        });
+            });
         let unsuitable = |reason: &str| ComplementarityError::Unsuitable {
             method: "the method of Lemke and Howson",
             reason: reason.to_owned(),

@@ -3,14 +3,14 @@
 use std::ops::ControlFlow;
 
 use super::{Lemke, LemkeOptions, LemkePivot, LemkeReport};
-use crate::complementarity::pivoting::LemkeStatus;
 use crate::complementarity::columns::BoxLcp;
+use crate::complementarity::pivoting::LemkeStatus;
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::sparse::Matrix;
 
 impl Lemke {
-    /// Solves the problem in z⁺ and z⁻ with zᵢ = zᵢ⁺ − zᵢ⁻ and the conditions wᵢ ≥ 0, −wᵢ ≥ 0 for each unknown without bounds. With M that of
-    /// the larger problem is copositive-plus, too.
+    /// Solves the problem in z⁺ and z⁻ with zᵢ = zᵢ⁺ − zᵢ⁻ and the conditions wᵢ ≥ 0, −wᵢ ≥ 0 for each
+    /// unknown without bounds. With M that of the larger problem is copositive-plus, too.
     pub(super) fn solve_split(
         &mut self,
         lcp: &Lcp,
@@ -21,7 +21,10 @@ impl Lemke {
         let free = |i: &usize| lcp.lower()[*i].is_infinite() && lcp.upper()[*i].is_infinite();
         let split: Vec<usize> = (0..n).filter(free).collect();
         let mut second = vec![None; n];
-        split.iter().enumerate().for_each(|(k, &i)| second[i] = Some(n + k));
+        split
+            .iter()
+            .enumerate()
+            .for_each(|(k, &i)| second[i] = Some(n + k));
         let mut entries = Vec::new();
         for (i, j, v) in lcp.matrix().triplets() {
             entries.push((i, j, v));
@@ -53,7 +56,13 @@ impl Lemke {
         let difference = |v: &[f64], i: usize| v[i] - second[i].map_or(0.0, |k| v[k]);
         (0..n).for_each(|i| z[i] = difference(&found, i));
         self.has_ray = solver.has_ray;
-        (0..n).for_each(|i| self.ray[i] = if solver.has_ray { difference(&solver.ray, i) } else { 0.0 });
+        (0..n).for_each(|i| {
+            self.ray[i] = if solver.has_ray {
+                difference(&solver.ray, i)
+            } else {
+                0.0
+            }
+        });
         lcp.value(z, &mut self.work);
         let wrong = report.status == LemkeStatus::Solved
             && !self.is_solution(lcp, z)

@@ -2,10 +2,10 @@
 
 use std::cell::{Cell, RefCell};
 
-use crate::complementarity::{AffineFunction, Mcp};
 use crate::complementarity::solver::McpStatus;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::Plan;
+use crate::complementarity::{AffineFunction, Mcp};
 use crate::enumeration::{EnumerationOptions, all_solutions_until};
 
 /// Affine problems up to this size are enumerated. `properties::arbitrary_small_problems_are_never_claimed_wrongly`.
