@@ -102,11 +102,13 @@ pub(crate) fn refutation(
 ) -> Option<Vec<(usize, usize, f64)>> {
     let conditions = stated_conditions(map, alpha, super::proof::MAX_COEFFICIENTS)?;
     let stated = Stated::new(&conditions);
+    if !stated.keeps_zeros {
+        return None;
+    }
     // The rows of the table remain identities between forms.
     let certificates = Certificates::new(&stated.system, stated.radii.clone());
     let search = SelectionSearch::new(&stated.system, Some(&certificates), 1, deadline);
-    let (root, var) = search.contradiction()?;
-    let found = multipliers(&stated.system, &root, var, deadline)?;
+    let found = search.contradiction(|root, var| multipliers(&stated.system, root, var, deadline))?;
     Some(unscaled(&conditions, &stated.scaling, &found))
 }
 

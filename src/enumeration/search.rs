@@ -4,6 +4,8 @@
 //! Without certificates, once a search takes many nodes, each node is tightened first: all pieces of all undecided sites are tried, and a
 //! sign that a form has in every remaining piece is imposed.
 
+mod contradiction;
+
 use super::certificate::{Basis, Certificates};
 use super::hull;
 use super::system::System;
@@ -174,27 +176,6 @@ impl<'a> SelectionSearch<'a> {
             table.constrain(var, sign)?;
         }
         Ok(table)
-    }
-
-    /// Whether the conditions that hold for all selections contradict each other, those of sites with one
-    /// piece among them: the table and the variable whose row shows it.
-    pub(super) fn contradiction(&self) -> Option<(Table, usize)> {
-        let mut root = self.root(&[]).ok()?;
-        for site in (0..self.system.sites.len()).filter(|&s| self.system.sites[s].pieces.len() == 1) {
-            self.decide(&mut root, site, 0).ok()?;
-        }
-        let start = root.clone();
-        let mut found = root.repair(self.deadline).err()?;
-        // Error bounds grow with each exchange, and what they exceed is taken for zero: anew from the start
-        // they are smaller.
-        for _ in 0..ROUNDS {
-            if root.error(found.var) <= VAGUE {
-                break;
-            }
-            root = root.reinverted(&start)?;
-            found = root.repair(self.deadline).err()?;
-        }
-        Some((root, found.var))
     }
 
     /// The variable of a form of a site.

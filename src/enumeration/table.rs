@@ -173,6 +173,11 @@ impl Table {
         }
     }
 
+    /// Sets all bounds of rounding errors back to those of numbers of size one.
+    pub(super) fn forget_errors(&mut self) {
+        self.error.fill(EPS);
+    }
+
     /// The largest bound of rounding errors in a row.
     pub(super) fn largest_error(&self) -> f64 {
         self.error.iter().fold(0.0, |m, e| m.max(*e))
