@@ -375,9 +375,13 @@ mod tests {
                 let matrix = Matrix::from_rows(&[[slope]]).unwrap();
                 let function = AffineFunction::new(matrix, vec![-1.0]).unwrap();
                 let problem = ConeProblem::new(&function as &dyn McpFunction, vec![cone]).unwrap();
-                let (options, deadline) = (ConeOptions::default(), Deadline::after(None));
-                let mut observe = |_: &ConeIteration| ControlFlow::Continue(());
-                let found = ray_of_block(&problem, &options, deadline, &mut observe, &[1.0]).unwrap();
+                let mut search = Search {
+                    options: &ConeOptions::default(),
+                    deadline: Deadline::after(None),
+                    observe: &mut |_: &ConeIteration| ControlFlow::Continue(()),
+                    inner_only: false,
+                };
+                let found = ray_of_block(&problem, &mut search, &[1.0]).unwrap();
                 assert_eq!(found.is_none(), solvable, "{slope} {cone:?}");
                 // Where F is constant the proof is exact.
                 assert!(slope != 0.0 || found.unwrap().radius == f64::INFINITY);
