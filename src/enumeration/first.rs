@@ -10,10 +10,12 @@ use crate::piecewise::{ActiveSet, PiecewiseSmooth, Scaled, Selection, TestLayout
 use crate::sparse::{Matrix, max_abs};
 use crate::spread::Random;
 
-/// Starts: the origin and random points near it, in the units of the map. Where the first fails a few others
-/// find a solution of most problems that have many
-/// (`continua::lists_that_end_at_a_limit_begin_with_a_solution`).
-const STARTS: usize = 8;
+/// Starts: the origin and random points near it, in the units of the map; steps from each, and those among them
+/// that are singular, which cost more: a search of a few nodes takes as long. Which lists begin with a solution is
+/// held by `polyhedra::lists_that_end_at_a_limit_begin_with_a_solution`.
+const STARTS: usize = 3;
+const STEPS: usize = 50;
+const SINGULAR: usize = 10;
 
 /// Newton's method for a piecewise-affine map: full steps from selection to selection; once one recurs, only
 /// the first site at which the point leaves its cell changes (K. Murty, 1974).
@@ -25,6 +27,8 @@ struct Newton<'a> {
     jac: Matrix,
     solver: AutoSolver,
     tolerance: f64,
+    /// Singular steps since the start.
+    singular: usize,
 }
 
 /// Selections in whose cells Newton's method ends, and with each those that are active there as well; nothing
@@ -47,6 +51,7 @@ pub(super) fn first_selections(
         layout,
         solver: AutoSolver::new(),
         tolerance: options.tolerance,
+        singular: 0,
         map: &scaled,
     };
     let mut random = Random::new(1);
@@ -69,12 +74,12 @@ pub(super) fn first_selections(
 impl Newton<'_> {
     /// The selection in whose cell the iteration ends.
     fn run(&mut self, deadline: Deadline<'_>) -> Option<Selection> {
-        let n = self.map.num_residuals();
+        self.singular = 0;
         self.map.test_functions(&self.x, &mut self.theta);
         let start = ActiveSet::from_tests(self.map, &self.layout, &self.theta, Vec::new());
         let mut selection = start.first().clone();
         let (mut seen, mut singly) = (BTreeSet::new(), false);
-        for _ in 0..50 + n {
+        for _ in 0..STEPS {
             if deadline.is_over() {
                 return None;
             }
@@ -111,6 +116,10 @@ impl Newton<'_> {
             .and_then(|()| self.solver.factor(square))
             .and_then(|()| self.solver.solve_in_place(&mut d));
         if solved.is_err() {
+            self.singular += 1;
+            if self.singular > SINGULAR {
+                return None;
+            }
             d = self.least_squares(selection)?;
         }
         self.x.iter_mut().zip(&d).for_each(|(x, d)| *x += d);
