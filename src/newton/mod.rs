@@ -2,6 +2,7 @@
 
 mod chords;
 mod convergence;
+mod enclosed;
 mod error;
 mod forcing;
 mod inexact;
@@ -16,6 +17,7 @@ mod system;
 mod workspace;
 
 pub(crate) use convergence::equilibrate;
+pub(crate) use enclosed::{regular_radius, step_enclosure};
 pub use error::{NewtonError, Unsolved};
 pub use forcing::{Forcing, NewtonKrylovOptions};
 pub use inexact::NewtonKrylov;

@@ -60,15 +60,11 @@ pub trait Real:
         [0; 4]
     }
     /// The value of a kink with these pieces, whichever the tests choose: for scalars that keep all of them.
+    /// `_natural` gives the piece that the tests choose where their values are known.
     #[doc(hidden)]
     #[must_use]
-    fn switched(_tests: &[Self], pieces: &[Self]) -> Self {
+    fn switched(_tests: &[Self], pieces: &[Self], _natural: impl Fn() -> usize) -> Self {
         pieces[0]
-    }
-    /// The derivative carried along.
-    #[doc(hidden)]
-    fn slope(&self) -> f64 {
-        0.0
     }
 }
 

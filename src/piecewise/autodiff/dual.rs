@@ -69,9 +69,6 @@ impl Real for Dual64 {
         let slope = if p == 0.0 { 0.0 } else { p * self.re.powf(p - 1.0) };
         chain(self, self.re.powf(p), slope)
     }
-    fn slope(&self) -> f64 {
-        self.eps
-    }
 }
 
 #[cfg(test)]
