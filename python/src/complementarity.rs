@@ -479,8 +479,8 @@ impl LemkeResult {
 /// max_pivots : int, optional
 ///     50 n + 1000 on up to five paths unless given.
 /// label : int, optional
-///     The method of Lemke and Howson: from the solution 0 of a problem with q ≥ 0 along the path on which the unknown of this number need
-///     not be complementary. Games with payoffs A, B > 0: M = [[0, -A], [-B.T, 0]], q = 1.
+///     The method of Lemke and Howson: from the solution 0 of a problem with q ≥ 0 along the path on which the
+///     unknown of this number need not be complementary. Games with payoffs A, B > 0: M = [[0, -A], [-B.T, 0]], q = 1.
 ///
 /// Returns
 /// -------

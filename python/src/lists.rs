@@ -28,7 +28,8 @@ pub(crate) struct Solution {
     index: Option<i8>,
     /// max |Hᵢ(x)|, evaluated at the point returned.
     residual: f64,
-    /// The number of the first continuum to which the point belongs, often as an end; None for isolated points.
+    /// The number of the first continuum to which the point belongs, often as an end; None for isolated
+    /// points.
     continuum: Option<usize>,
 }
 
@@ -43,9 +44,11 @@ pub(crate) struct Continuum {
     point: Py<PyArray1<f64>>,
     /// The two ends of a segment, the one end of a ray, the vertices of a polyhedron, shape (k, m).
     ends: Py<PyArray2<f64>>,
-    /// Directions in which it is unbounded, shape (k, n), of the n unknowns without the parameter; of a line both.
+    /// Directions in which it is unbounded, shape (k, n), of the n unknowns without the parameter; of a line
+    /// both.
     directions: Py<PyArray2<f64>>,
-    /// Whether it is the convex hull of its ends (of its point, where it has none) with all nonnegative multiples of its directions added.
+    /// Whether it is the convex hull of its ends (of its point, where it has none) with all nonnegative
+    /// multiples of its directions added.
     described: bool,
 }
 

@@ -10,9 +10,9 @@ use crate::piecewise::{ActiveSet, PiecewiseSmooth, Scaled, Selection, TestLayout
 use crate::sparse::{Matrix, max_abs};
 use crate::spread::Random;
 
-/// Starts: the origin and random points near it, in the units of the map; steps from each, and those among them
-/// that are singular, which cost more: a search of a few nodes takes as long. Which lists begin with a solution is
-/// held by `polyhedra::lists_that_end_at_a_limit_begin_with_a_solution`.
+/// Starts: the origin and random points near it, in the units of the map; steps from each, and those among
+/// them that are singular, which cost more: a search of a few nodes takes as long. Which lists begin with a
+/// solution is held by `polyhedra::lists_that_end_at_a_limit_begin_with_a_solution`.
 const STARTS: usize = 3;
 const STEPS: usize = 50;
 const SINGULAR: usize = 10;

@@ -87,7 +87,8 @@ impl Gathered<'_> {
         self.points.iter().map(|p| p.as_ref().and_then(of)).collect()
     }
 
-    /// Drops points that are solutions of singular selections only, where they belong to a continuum of another one.
+    /// Drops points that are solutions of singular selections only, where they belong to a continuum of
+    /// another one.
     pub(in crate::enumeration) fn drop_points_of_continua(&mut self) {
         let on_continua = self.on_continua();
         let kept = self.solutions.iter().zip(on_continua).map(|(s, continuum)| {
