@@ -28,8 +28,8 @@ pub(crate) struct Solution {
     index: Option<i8>,
     /// max |Hᵢ(x)|, evaluated at the point returned.
     residual: f64,
-    /// The number of the first continuum to which the point belongs, often as an end; None for isolated
-    /// points.
+    /// The number of the first listed continuum to which the point belongs, often as an end; None if there is
+    /// none: in a complete list the point is isolated.
     continuum: Option<usize>,
 }
 

@@ -124,8 +124,9 @@ pub struct Solution {
     /// signs where two are (0: the point is a fold); `None` where this does not determine it, at points of continua, which are not
     /// isolated, and, for maps without exact coefficients, after the time limit.
     pub index: Option<i8>,
-    /// The first of the continua that the point belongs to (often as an end), by its number in the list;
-    /// `None` for isolated points, and for maps without exact coefficients.
+    /// The first of the listed continua that the point belongs to (often as an end), by its number in the
+    /// list. `None` if it belongs to none of them: in a complete list it is isolated. Always `None` for maps
+    /// without exact coefficients.
     pub continuum: Option<usize>,
 }
 
