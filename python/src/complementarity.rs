@@ -599,6 +599,9 @@ impl LemkeResult {
 ///     The covering vector, positive: the path depends on it. Ones unless given.
 /// max_pivots : int, optional
 ///     50 n + 1000 on up to five paths unless given.
+/// label : int, optional
+///     The method of Lemke and Howson: from the solution 0 of a problem with q ≥ 0 along the path on which the
+///     unknown of this number need not be complementary. Games with payoffs A, B > 0: M = [[0, -A], [-B.T, 0]], q = 1.
 ///
 /// Returns
 /// -------
@@ -608,7 +611,7 @@ impl LemkeResult {
 /// >>> ss.lemke([[2.0, 1.0], [1.0, 2.0]], [-5.0, -1.0]).x
 /// array([2.5, 0. ])
 #[pyfunction]
-#[pyo3(signature = (M, q, lower=None, upper=None, *, covering=None, max_pivots=None))]
+#[pyo3(signature = (M, q, lower=None, upper=None, *, covering=None, max_pivots=None, label=None))]
 fn lemke(
     py: Python<'_>,
     M: &Bound<'_, PyAny>,
@@ -617,10 +620,12 @@ fn lemke(
     upper: Option<&Bound<'_, PyAny>>,
     covering: Option<&Bound<'_, PyAny>>,
     max_pivots: Option<usize>,
+    label: Option<usize>,
 ) -> PyResult<LemkeResult> {
     let Lcp { problem } = Lcp::new(M, q, lower, upper)?;
     let mut options = LemkeOptions::default();
     options.max_pivots = max_pivots;
+    options.label = label;
     options.covering = covering.map(|c| vector(c, "covering")).transpose()?;
     let (mut x, mut history) = (vec![0.0; problem.len()], Vec::new());
     let mut solver = Lemke::new(options);

@@ -35,6 +35,9 @@ pub(crate) struct Solution {
     pub(crate) index: Option<i8>,
     /// max |Hᵢ(x)|, evaluated at the point returned.
     pub(crate) residual: f64,
+    /// The number of the first listed continuum to which the point belongs, often as an end; None if there is
+    /// none: in a complete list the point is isolated.
+    pub(crate) continuum: Option<usize>,
 }
 
 #[pymethods]
@@ -61,8 +64,16 @@ pub(crate) struct Continuum {
     pub(crate) pieces: Vec<Vec<String>>,
     /// 1 for a segment, a ray or a line.
     pub(crate) dimension: usize,
-    /// The two ends of a segment, or the one end of a ray, shape (k, m).
+    /// One of its points, shape (m,): inside of it if it is described. Empty where none is known.
+    pub(crate) point: Py<PyArray1<f64>>,
+    /// The two ends of a segment, the one end of a ray, the vertices of a polyhedron, shape (k, m).
     pub(crate) ends: Py<PyArray2<f64>>,
+    /// Directions in which it is unbounded, shape (k, n), of the n unknowns without the parameter; of a line
+    /// both.
+    pub(crate) directions: Py<PyArray2<f64>>,
+    /// Whether it is the convex hull of its ends (of its point, where it has none) with all nonnegative
+    /// multiples of its directions added.
+    pub(crate) described: bool,
 }
 
 /// All solutions of a piecewise-affine equation, and whether the list is proven to be complete.
@@ -202,6 +213,7 @@ impl SolutionSet {
                 margin: margin(s),
                 index: s.index,
                 residual,
+                continuum: None,
             };
             Py::new(py, solution)
         });
@@ -232,7 +244,7 @@ impl SolutionSet {
         let pieces = |selections: &[Selection]| -> Vec<Vec<String>> {
             selections.iter().map(|s| names(map, s)).collect()
         };
-        let m = map.num_vars();
+        let (m, n) = (map.num_vars(), map.num_residuals());
         let residuals: Vec<f64> = (found.solutions.iter())
             .map(|s| residual(map, &s.selections, &s.x))
             .collect();
@@ -244,6 +256,7 @@ impl SolutionSet {
                 margin: s.margin,
                 index: s.index,
                 residual,
+                continuum: s.continuum,
             };
             Py::new(py, solution)
         });
@@ -251,7 +264,10 @@ impl SolutionSet {
             let continuum = Continuum {
                 pieces: pieces(&c.selections),
                 dimension: c.dimension,
+                point: PyArray1::from_slice(py, &c.point).unbind(),
                 ends: rows(py, m, c.ends.iter().map(Vec::as_slice))?.unbind(),
+                directions: rows(py, n, c.directions.iter().map(Vec::as_slice))?.unbind(),
+                described: c.described,
             };
             Py::new(py, continuum)
         });

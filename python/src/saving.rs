@@ -88,8 +88,8 @@ plain! {
     ViResult { x, status, residual, inequalities, equations, lower, upper, ray, iterations, history }
     ConeResult { x, status, residual, error, ray, iterations, history }
     FrictionResult { reactions, velocities, states, status, residual, factorisations, history }
-    Solution { x, pieces, det_signs, margin, index, residual }
-    Continuum { pieces, dimension, ends }
+    Solution { x, pieces, det_signs, margin, index, residual, continuum }
+    Continuum { pieces, dimension, point, ends, directions, described }
     SolutionSet { solutions, points, continua, complete, status, residual, completeness, index_sum, nodes }
     Fold { x, parameter, kind, arclength }
     BranchPoint { x, parameter, arms, followed, complete, arclength }

@@ -45,24 +45,26 @@ impl Image for Evaluated<'_> {
 /// Indefiniteness that counts as rounding, relative to the largest entry.
 const ROUNDING: f64 = 1e-12;
 
+/// Whether M + Mᵀ is positive semidefinite, up to rounding.
+pub(super) fn is_monotone(matrix: &Matrix) -> Result<bool, ConeError> {
+    let n = matrix.nrows();
+    let shift = ROUNDING * max_abs(matrix.values());
+    let mut entries: Vec<_> = (0..n).map(|i| (i, i, shift)).collect();
+    for (i, j, v) in matrix.triplets() {
+        entries.extend([(i, j, 0.5 * v), (j, i, 0.5 * v)]);
+    }
+    let symmetric = Matrix::from_triplets(n, n, &entries)?;
+    let mut cholesky = Cholesky::new();
+    let factored = cholesky
+        .analyze(symmetric.pattern().as_ref())
+        .and_then(|()| cholesky.factor(symmetric.as_ref()));
+    Ok(factored.is_ok())
+}
+
 impl Run<'_> {
     /// Whether F is affine and monotone up to rounding; ∇F must have been evaluated.
     pub(super) fn is_monotone(&self) -> Result<bool, ConeError> {
-        if self.constant.is_none() {
-            return Ok(false);
-        }
-        let n = self.x.len();
-        let shift = ROUNDING * max_abs(self.jac.values());
-        let mut entries: Vec<_> = (0..n).map(|i| (i, i, shift)).collect();
-        for (i, j, v) in self.jac.triplets() {
-            entries.extend([(i, j, 0.5 * v), (j, i, 0.5 * v)]);
-        }
-        let symmetric = Matrix::from_triplets(n, n, &entries)?;
-        let mut cholesky = Cholesky::new();
-        let factored = cholesky
-            .analyze(symmetric.pattern().as_ref())
-            .and_then(|()| cholesky.factor(symmetric.as_ref()));
-        Ok(factored.is_ok())
+        Ok(self.constant.is_some() && is_monotone(&self.jac)?)
     }
 
     /// Follows the central path from `start` until steps of the natural map end at a solution; `None` where they do not. The path leads

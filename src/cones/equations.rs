@@ -49,6 +49,32 @@ pub(super) fn mixed(parts: &[Part], rows: &Pattern) -> Vec<(usize, usize)> {
     entries
 }
 
+/// Bytes for each entry of the Jacobian of the equations: its place in lists, patterns and blocks of
+/// derivatives, in the system of a step and in that of interior points, with factors that are as full.
+/// Measured; `refutations::what_does_not_fit_is_refused` holds the order.
+const PER_ENTRY: f64 = 100.0;
+
+/// Refuses problems that take more memory than the limit, in bytes.
+pub(super) fn check_memory<F: McpFunction>(problem: &ConeProblem<F>, limit: u64) -> Result<(), ConeError> {
+    let (n, pattern) = (problem.len() as f64, problem.function().pattern());
+    let mut of_row = vec![0.0_f64; problem.len()];
+    pattern.row_idx().iter().for_each(|&i| of_row[i] += 1.0);
+    let each = problem.blocks().map(|(cone, range)| {
+        let width = match cone {
+            Cone::SecondOrder(_) | Cone::Semidefinite(_) => range.len() as f64,
+            Cone::Nonnegative(_) | Cone::Free(_) => 1.0,
+        };
+        let stored: f64 = of_row[range.clone()].iter().sum();
+        // All rows of a part have the columns of each of them, and those of the part.
+        width * (stored + range.len() as f64).min(n * range.len() as f64 / width)
+    });
+    let (needed, limit) = (PER_ENTRY * each.sum::<f64>(), limit as f64);
+    match needed <= limit {
+        true => Ok(()),
+        false => Err(ConeError::Memory { needed, limit }),
+    }
+}
+
 /// The parts of K, the number of entries of all their derivatives and of the widest of them.
 pub(super) fn parts<F: McpFunction>(problem: &ConeProblem<F>) -> (Vec<Part>, usize, usize) {
     let (mut parts, mut at, mut widest) = (Vec::new(), 0, 0);

@@ -60,6 +60,17 @@ pub enum ConeError {
         /// The range.
         range: &'static str,
     },
+    /// The blocks of the cones, whose derivatives are full, would take more memory than is allowed.
+    #[error(
+        "the derivatives of the cones are full: some {needed:.1e} bytes, more than {limit:.1e} allowed by `max_memory`; state large cones as \
+         several small ones"
+    )]
+    Memory {
+        /// An estimate, in bytes.
+        needed: f64,
+        /// The limit, in bytes.
+        limit: f64,
+    },
     /// A matrix or pattern does not fit.
     #[error(transparent)]
     Sparse(#[from] SparseError),

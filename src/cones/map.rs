@@ -1,4 +1,5 @@
-use super::equations::{Part, mixed, owners, parts};
+use super::equations::{Part, check_memory, mixed, owners, parts};
+use super::options::MEMORY;
 use super::{Cone, ConeError, ConeProblem};
 use crate::complementarity::{McpFunction, Scratch};
 use crate::piecewise::Semismooth;
@@ -99,7 +100,7 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     /// x − P(x − F(x)).
     ///
     /// # Errors
-    /// A pattern that is too large.
+    /// A pattern that is too large, more memory than 4 GiB.
     pub fn natural(problem: &'a ConeProblem<F>) -> Result<Self, ConeError> {
         Self::new(problem, Equations::Natural)
     }
@@ -107,7 +108,7 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     /// F(P(z)) + z − P(z).
     ///
     /// # Errors
-    /// A pattern that is too large.
+    /// A pattern that is too large, more memory than 4 GiB.
     pub fn normal(problem: &'a ConeProblem<F>) -> Result<Self, ConeError> {
         Self::new(problem, Equations::Normal)
     }
@@ -115,7 +116,7 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     /// x + F(x) − (x² + F(x)²)^½.
     ///
     /// # Errors
-    /// A pattern that is too large.
+    /// A pattern that is too large, more memory than 4 GiB.
     pub fn fischer_burmeister(problem: &'a ConeProblem<F>) -> Result<Self, ConeError> {
         Self::new(problem, Equations::FischerBurmeister { mu: 0.0, lambda: 1.0 })
     }
@@ -123,7 +124,7 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     /// λ (x + F(x) − (x² + F(x)²)^½) + (1 − λ) x₊ ∘ F(x)₊, λ in (0, 1].
     ///
     /// # Errors
-    /// λ out of range; a pattern that is too large.
+    /// λ out of range; a pattern that is too large, more memory than 4 GiB.
     pub fn penalised(problem: &'a ConeProblem<F>, lambda: f64) -> Result<Self, ConeError> {
         match lambda > 0.0 && lambda <= 1.0 {
             true => Self::new(problem, Equations::FischerBurmeister { mu: 0.0, lambda }),
@@ -138,7 +139,7 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     /// x + F(x) − (x² + F(x)² + 2 μ² e)^½, μ > 0.
     ///
     /// # Errors
-    /// μ out of range; a pattern that is too large.
+    /// μ out of range; a pattern that is too large, more memory than 4 GiB.
     pub fn smoothed(problem: &'a ConeProblem<F>, mu: f64) -> Result<Self, ConeError> {
         match mu > 0.0 && mu.is_finite() {
             true => Self::new(problem, Equations::FischerBurmeister { mu, lambda: 1.0 }),
@@ -151,6 +152,7 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     }
 
     fn new(problem: &'a ConeProblem<F>, equations: Equations) -> Result<Self, ConeError> {
+        check_memory(problem, MEMORY)?;
         let n = problem.len();
         let (parts, entries, widest) = parts(problem);
         let slope = Matrix::zeros(problem.function().pattern());

@@ -9,6 +9,7 @@ mod central;
 mod cone;
 mod equations;
 mod error;
+mod homogeneous;
 mod interior;
 mod jordan;
 mod judge;

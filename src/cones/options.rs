@@ -47,6 +47,9 @@ impl ConeStrategy {
 
 named!(ConeStrategy, "strategy for a cone problem", Self::ALL);
 
+/// Memory in bytes that a solve may take unless told otherwise, and a map: half of what a small machine has.
+pub(super) const MEMORY: u64 = 1 << 32;
+
 /// Options of [`ConeSolver`](super::ConeSolver).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -72,6 +75,10 @@ pub struct ConeOptions {
     pub restarts: usize,
     /// Largest wall-clock time. Default none.
     pub max_time: Option<Duration>,
+    /// Largest memory in bytes: an estimate is compared with it before any of it is allocated
+    /// ([`ConeError::Memory`]). Default 4 GiB, where one second-order cone may have some 6 500 variables, and
+    /// a semidefinite one the order 110.
+    pub max_memory: u64,
 }
 
 impl Default for ConeOptions {
@@ -82,6 +89,7 @@ impl Default for ConeOptions {
             strategies: ConeStrategy::ALL.to_vec(),
             restarts: 8,
             max_time: None,
+            max_memory: MEMORY,
         }
     }
 }
@@ -98,6 +106,8 @@ impl ConeOptions {
         with_restarts(restarts: usize);
         /// Sets the largest wall-clock time.
         with_max_time(max_time: Option<Duration>);
+        /// Sets the largest memory in bytes.
+        with_max_memory(max_memory: u64);
     }
 
     /// Checks the ranges.

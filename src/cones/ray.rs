@@ -2,8 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use super::equations::Part;
-use super::run::Run;
+use super::central::is_monotone;
+use super::equations::{Part, check_memory};
+use super::homogeneous::directions;
+use super::run::{Run, between};
 use super::{Cone, ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay};
 use crate::clock::Deadline;
 use crate::complementarity::{AffineFunction, McpFunction};
@@ -16,12 +18,19 @@ const SMALL: [f64; 4] = [0.0, 1e-6, 1e-4, 1e-2];
 /// Least radius of a certificate, relative to the x at which M x and q are of similar size.
 const RADIUS: f64 = 1e12;
 
+/// How a certificate is sought.
+pub(super) struct Search<'a> {
+    pub(super) options: &'a ConeOptions,
+    pub(super) deadline: Deadline<'static>,
+    pub(super) observe: &'a mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
+    /// Among those of monotone problems that lie as far inside as they can only: they take a few steps.
+    pub(super) inner_only: bool,
+}
+
 /// A proof from one of the blocks (unknowns connected by entries of M): it depends neither on the other blocks nor on their units.
 pub(super) fn ray(
     problem: &ConeProblem<&dyn McpFunction>,
-    options: &ConeOptions,
-    deadline: Deadline<'static>,
-    observe: &mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
+    search: &mut Search<'_>,
     (parts, block): (&[Part], &[usize]),
     x: &[f64],
 ) -> Result<Option<ConeRay>, ConeError> {
@@ -51,7 +60,7 @@ pub(super) fn ray(
             return Ok(None);
         };
         let alone = ConeProblem::new(&function as &dyn McpFunction, cones)?;
-        if let Some(mut found) = ray_in_units(&alone, options, deadline, observe, &part_of(x))? {
+        if let Some(mut found) = ray_in_units(&alone, search, &part_of(x))? {
             let mut direction = vec![0.0; x.len()];
             members
                 .iter()
@@ -76,9 +85,7 @@ fn coefficients(problem: &ConeProblem<&dyn McpFunction>, x: &[f64]) -> (Matrix, 
 /// The certificate of a block in units of its cones, in which its coefficients are of one size: only there sizes of x can be compared.
 fn ray_in_units(
     problem: &ConeProblem<&dyn McpFunction>,
-    options: &ConeOptions,
-    deadline: Deadline<'static>,
-    observe: &mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
+    search: &mut Search<'_>,
     x: &[f64],
 ) -> Result<Option<ConeRay>, ConeError> {
     let (matrix, q) = coefficients(problem, x);
@@ -95,9 +102,7 @@ fn ray_in_units(
         && q.iter().zip(&constants).zip(&rows).all(|((q, c), r)| c / r == *q);
     if !exact {
         // Sizes cannot be compared.
-        return Ok(
-            ray_of_block(problem, options, deadline, observe, x)?.filter(|ray| ray.radius == f64::INFINITY)
-        );
+        return Ok(ray_of_block(problem, search, x)?.filter(|ray| ray.radius == f64::INFINITY));
     }
     let function = AffineFunction::new(Matrix::from_triplets(x.len(), x.len(), &entries)?, constants);
     let Ok(function) = function else {
@@ -105,7 +110,7 @@ fn ray_in_units(
     };
     let scaled = ConeProblem::new(&function as &dyn McpFunction, problem.cones().to_vec())?;
     let start: Vec<f64> = x.iter().zip(&columns).map(|(x, c)| x / c).collect();
-    let Some(ray) = ray_of_block(&scaled, options, deadline, observe, &start)? else {
+    let Some(ray) = ray_of_block(&scaled, search, &start)? else {
         return Ok(None);
     };
     let direction = ray.direction.iter().zip(&rows).map(|(v, r)| v * r).collect();
@@ -144,24 +149,54 @@ fn units(
     Ok((powers(&rows), powers(&columns)))
 }
 
-/// The certificate of least norm, if there is one: minimise ½‖v‖² over v ∈ K, −Mᵀv ∈ K*, qᵀv = −1.
+/// A certificate as far inside of its cones as it can lie, if the problem is monotone, else the one of least
+/// norm.
 fn ray_of_block(
     problem: &ConeProblem<&dyn McpFunction>,
-    options: &ConeOptions,
-    deadline: Deadline<'static>,
-    observe: &mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
+    search: &mut Search<'_>,
     x: &[f64],
 ) -> Result<Option<ConeRay>, ConeError> {
-    let n = x.len();
     let (matrix, q) = coefficients(problem, x);
-    let size = max_abs(&q);
+    let (unit, size) = (max_abs(matrix.values()), max_abs(&q));
     if size == 0.0 {
         return Ok(None);
     }
+    let unit = if unit > 0.0 { unit } else { 1.0 };
+    // Relative to the size of x at which the constant is as large as the other terms.
+    let far = |ray: &ConeRay| ray.radius > RADIUS * (size / unit);
+    if is_monotone(&matrix)? {
+        let mut found = None;
+        let scaled: Vec<f64> = q.iter().map(|q| q / size).collect();
+        let mut alike = matrix.clone();
+        alike.values_mut().iter_mut().for_each(|v| *v /= unit);
+        let deadline = search.deadline;
+        let mut proceed = || !deadline.is_over() && (search.observe)(&between(0)).is_continue();
+        directions(problem, (&alike, &scaled), &mut proceed, &mut |v| {
+            found = certificate(problem, &matrix, &q, v)?.filter(far);
+            Ok(found.is_some())
+        })?;
+        if found.is_some() {
+            return Ok(found);
+        }
+    }
+    match search.inner_only {
+        true => Ok(None),
+        false => Ok(least_ray(problem, search, (&matrix, unit), (&q, size), x)?.filter(far)),
+    }
+}
+
+/// The certificate of least norm, if there is one: minimise ½‖v‖² over v ∈ K, −Mᵀv ∈ K*, qᵀv = −1. M and q
+/// come with their sizes.
+fn least_ray(
+    problem: &ConeProblem<&dyn McpFunction>,
+    search: &mut Search<'_>,
+    (matrix, unit): (&Matrix, f64),
+    (q, size): (&[f64], f64),
+    x: &[f64],
+) -> Result<Option<ConeRay>, ConeError> {
+    let n = x.len();
     // Conditions in (v, y, τ): v + M y + q τ ∈ K*, −Mᵀv ∈ K* and y ∈ K, −qᵀv − 1 = 0; where x is free, y is and Mᵀv = 0.
     let mut entries: Vec<(usize, usize, f64)> = (0..n).map(|i| (i, i, 1.0)).collect();
-    let unit = matrix.values().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    let unit = if unit > 0.0 { unit } else { 1.0 };
     for (i, j, v) in matrix.triplets() {
         entries.push((i, n + j, v / unit));
         entries.push((n + j, i, -v / unit));
@@ -179,9 +214,13 @@ fn ray_of_block(
     let cones = problem.cones().iter().chain(problem.cones()).copied();
     let cones = cones.chain([Cone::Free(1)]).collect();
     let dual = ConeProblem::new(&conditions as &dyn McpFunction, cones)?;
+    if check_memory(&dual, search.options.max_memory).is_err() {
+        return Ok(None);
+    }
     let mut z = vec![0.0; 2 * n + 1];
-    let options = options.clone().with_restarts(0);
-    let mut run = Run::new(&dual, &options, deadline, observe)?;
+    let options = search.options.clone().with_restarts(0);
+    let mut run = Run::new(&dual, &options, search.deadline, search.observe)?;
+    run.inner = true;
     run.all_starts(&z)?;
     z.copy_from_slice(&run.best);
     // Where the conditions hold in the limit only, small components may be remainders of the iteration.
@@ -192,7 +231,7 @@ fn ray_of_block(
             let rounded = candidate
                 .iter()
                 .map(|v| if v.abs() <= rounding * largest { 0.0 } else { *v });
-            let found = certificate(problem, &matrix, &q, rounded.collect())?;
+            let found = certificate(problem, matrix, q, rounded.collect())?;
             if let Some(found) = found
                 && best.as_ref().is_none_or(|b| found.radius > b.radius)
             {
@@ -200,9 +239,7 @@ fn ray_of_block(
             }
         }
     }
-    // The size of x at which the constant is as large as the other terms.
-    let typical = size / unit;
-    Ok(best.filter(|ray| ray.radius > RADIUS * typical))
+    Ok(best)
 }
 
 /// What v proves, scaled to qᵀv = −1: a solution x has 0 ≤ vᵀF(x) ≤ qᵀv + ‖x‖ d + δ (‖M‖ ‖x‖ + ‖q‖), where d is the distance of −Mᵀv from
@@ -338,9 +375,13 @@ mod tests {
                 let matrix = Matrix::from_rows(&[[slope]]).unwrap();
                 let function = AffineFunction::new(matrix, vec![-1.0]).unwrap();
                 let problem = ConeProblem::new(&function as &dyn McpFunction, vec![cone]).unwrap();
-                let (options, deadline) = (ConeOptions::default(), Deadline::after(None));
-                let mut observe = |_: &ConeIteration| ControlFlow::Continue(());
-                let found = ray_of_block(&problem, &options, deadline, &mut observe, &[1.0]).unwrap();
+                let mut search = Search {
+                    options: &ConeOptions::default(),
+                    deadline: Deadline::after(None),
+                    observe: &mut |_: &ConeIteration| ControlFlow::Continue(()),
+                    inner_only: false,
+                };
+                let found = ray_of_block(&problem, &mut search, &[1.0]).unwrap();
                 assert_eq!(found.is_none(), solvable, "{slope} {cone:?}");
                 // Where F is constant the proof is exact.
                 assert!(slope != 0.0 || found.unwrap().radius == f64::INFINITY);

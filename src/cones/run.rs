@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use super::equations::{Map, Part, mixed, owners, parts};
 use super::judge::Size;
+use super::ray::{Search, ray};
 use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus, ConeStrategy};
 use crate::clock::Deadline;
 use crate::complementarity::McpFunction;
@@ -76,6 +77,8 @@ pub(super) struct Run<'a> {
     pub(super) rest: Vec<f64>,
     /// Buffers for one cone.
     pub(super) room: Vec<f64>,
+    /// Whether this is the search for a certificate of another problem, which needs none itself.
+    pub(super) inner: bool,
     pub(super) report: ConeReport,
 }
 
@@ -131,6 +134,7 @@ impl<'a> Run<'a> {
             terms: vec![0.0; n],
             rest: vec![0.0; n],
             room: vec![0.0; 3 * n],
+            inner: false,
             deadline,
             problem,
             options,
@@ -213,12 +217,44 @@ impl<'a> Run<'a> {
                 ConeStrategy::InteriorPoints | ConeStrategy::CentralPath => None,
             };
             outcome = ended.unwrap_or(outcome);
+            if ended.is_none() && *strategy == ConeStrategy::InteriorPoints && monotone {
+                outcome = self.refute(start)?;
+            }
             let fails = matches!(outcome, ConeStatus::Stalled | ConeStatus::IterationLimit);
             if !fails || self.exhausted().is_some() {
                 break;
             }
         }
         Ok(outcome)
+    }
+
+    /// Where interior points of a monotone problem have found no solution, a proof that there is none takes
+    /// no longer than they did.
+    fn refute(&mut self, start: &[f64]) -> Result<ConeStatus, ConeError> {
+        if self.inner {
+            return Ok(ConeStatus::Stalled);
+        }
+        let (attempt, mut stopped) = (self.attempt, false);
+        let mut tell = |_: &ConeIteration| {
+            let flow = match stopped {
+                true => ControlFlow::Break(()),
+                false => (self.observe)(&between(attempt)),
+            };
+            stopped = flow.is_break();
+            flow
+        };
+        let mut search = Search {
+            options: self.options,
+            deadline: self.deadline,
+            observe: &mut tell,
+            inner_only: true,
+        };
+        self.report.ray = ray(self.problem, &mut search, (&self.parts, &self.block), start)?;
+        Ok(match (&self.report.ray, stopped) {
+            (Some(_), _) => ConeStatus::NoSolution,
+            (None, true) => ConeStatus::Interrupted,
+            (None, false) => ConeStatus::Stalled,
+        })
     }
 
     /// Steps of the natural map from x.

@@ -1,7 +1,8 @@
 use std::cell::Cell;
 use std::ops::ControlFlow;
 
-use super::ray::ray;
+use super::equations::check_memory;
+use super::ray::{Search, ray};
 use super::run::{Run, between};
 use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus};
 use crate::clock::Deadline;
@@ -32,7 +33,8 @@ impl ConeSolver {
     /// Solves from the start `x`, which is overwritten by the solution or the best point.
     ///
     /// # Errors
-    /// A start of the wrong length or not finite, options out of range, a Jacobian entry outside the pattern.
+    /// A start of the wrong length or not finite, options out of range, a Jacobian entry outside the pattern,
+    /// a problem that takes more memory than [`ConeOptions::max_memory`].
     pub fn solve<F: McpFunction>(
         &self,
         problem: &ConeProblem<F>,
@@ -58,6 +60,7 @@ impl ConeSolver {
             let value = x[index];
             return Err(ConeError::NotFinite { index, value });
         }
+        check_memory(problem, self.options.max_memory)?;
         let counted = Counted::new(problem.function());
         let problem = ConeProblem::new(&counted as &dyn McpFunction, problem.cones().to_vec())?;
         let deadline = Deadline::after(self.options.max_time);
@@ -80,7 +83,13 @@ impl ConeSolver {
                 }
             };
             let parts = (&run.parts[..], &run.block[..]);
-            report.ray = ray(&problem, &self.options, deadline, &mut tell, parts, x)?;
+            let mut search = Search {
+                options: &self.options,
+                deadline,
+                observe: &mut tell,
+                inner_only: false,
+            };
+            report.ray = ray(&problem, &mut search, parts, x)?;
             if report.ray.is_some() {
                 report.status = ConeStatus::NoSolution;
             } else if stopped {

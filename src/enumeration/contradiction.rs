@@ -86,6 +86,9 @@ pub(super) fn drop_overflows(set: &mut SolutionSet) -> u64 {
     set.solutions.retain(|s| finite(&s.x));
     for continuum in &mut set.continua {
         continuum.ends.retain(|x| finite(x));
+        if !finite(&continuum.point) {
+            continuum.point.clear();
+        }
     }
     (before - points(set)) as u64
 }

@@ -67,6 +67,22 @@ impl ExactPoint {
         (exact(&self.numerators[k]), exact(&self.denominator))
     }
 
+    /// The point half as far from 0.
+    pub(super) fn halved(mut self) -> Self {
+        self.denominator <<= 1;
+        self
+    }
+
+    /// The sign of the change of a form along this vector.
+    fn rate_of(&self, form: &ExactForm) -> i8 {
+        let terms = form.coefficients.iter().zip(&self.numerators);
+        let terms = terms.filter(|(a, n)| !a.is_zero() && !n.is_zero());
+        let sum = terms.fold(Exact::default(), |sum, (a, n)| {
+            &sum + &(a * &Exact::of(n.clone(), 0))
+        });
+        sum.sign()
+    }
+
     /// The opposite point.
     pub(super) fn opposite(mut self) -> Self {
         self.numerators.iter_mut().for_each(|n| *n = -std::mem::take(n));
@@ -312,6 +328,15 @@ pub(super) fn common_point(conditions: &ExactConditions, deadline: Deadline<'_>)
 
 /// Whether a point meets all conditions of a selection.
 pub(super) fn contains(conditions: &ExactConditions, pieces: &[usize], point: &ExactPoint) -> bool {
+    meets(conditions, pieces, |form| point.sign_of(form))
+}
+
+/// Whether points that meet all conditions of a selection do so however far they are moved along a vector.
+pub(super) fn recedes(conditions: &ExactConditions, pieces: &[usize], direction: &ExactPoint) -> bool {
+    meets(conditions, pieces, |form| direction.rate_of(form))
+}
+
+fn meets(conditions: &ExactConditions, pieces: &[usize], sign_of: impl Fn(&ExactForm) -> i8) -> bool {
     let common = conditions.common.iter().map(|f| (f, 0));
     let sites = pieces.iter().enumerate().flat_map(|(site, &piece)| {
         let forms = &conditions.sites[site].forms;
@@ -322,7 +347,7 @@ pub(super) fn contains(conditions: &ExactConditions, pieces: &[usize], point: &E
         })
     });
     common.chain(sites).all(|(form, wanted)| {
-        let sign = point.sign_of(form);
+        let sign = sign_of(form);
         sign == 0 || sign == wanted
     })
 }

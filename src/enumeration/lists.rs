@@ -124,6 +124,10 @@ pub struct Solution {
     /// signs where two are (0: the point is a fold); `None` where this does not determine it, at points of continua, which are not
     /// isolated, and, for maps without exact coefficients, after the time limit.
     pub index: Option<i8>,
+    /// The first of the listed continua that the point belongs to (often as an end), by its number in the
+    /// list. `None` if it belongs to none of them: in a complete list it is isolated. Always `None` for maps
+    /// without exact coefficients.
+    pub continuum: Option<usize>,
 }
 
 impl Solution {
@@ -146,17 +150,29 @@ impl Solution {
     }
 }
 
-/// A continuum of solutions at one parameter: a vertical segment, or a larger polyhedron.
+/// A continuum of solutions at one parameter: a vertical segment, or a larger polyhedron. Faces of others are
+/// not listed.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Continuum {
     /// The selections whose solutions it consists of.
     pub selections: Vec<Selection>,
-    /// Dimension of the solution space of the selection's linear system; 1 for a segment, a ray or a line.
+    /// Its dimension; 1 for a segment, a ray or a line. For maps without exact coefficients that of the
+    /// solution space of the selection's linear system, whose part in the cell may be smaller.
     pub dimension: usize,
-    /// The ends of a segment (of a ray: one; none where the dimension is larger than one).
+    /// One of its points, inside of it where it is [described](Self::described); empty where none is known
+    /// (of dimension two and more, for maps without exact coefficients).
+    pub point: Vec<f64>,
+    /// The ends of a segment (of a ray: one), the vertices of a polyhedron. Where it contains a line it has
+    /// none; of dimension two and more there is then one point of each of its least faces.
     pub ends: Vec<Vec<f64>>,
+    /// Directions in which it is unbounded, of largest entry 1 and without α: those of its rays, and for each
+    /// line both.
+    pub directions: Vec<Vec<f64>>,
+    /// Whether it is the set of all points Σ sₖ eₖ + Σ tₖ dₖ with sₖ, tₖ ≥ 0 and Σ sₖ = 1 of its ends e (of
+    /// its point, where there are none) and directions d. With more than 256 of them none are listed.
+    pub described: bool,
 }
 
 /// The ends, or directions, of a segment, a ray or a line.

@@ -6,6 +6,7 @@ use num_traits::{Signed, Zero};
 use super::exhaustive::{Budget, ExactPoint, Tableau, elimination, piece_of};
 use super::lists::Extent;
 use super::proof::MAX_WORK;
+use super::shape::Shape;
 use crate::exact::{Dictionary, Exact, Halt, parity};
 use crate::piecewise::ExactConditions;
 
@@ -23,6 +24,7 @@ pub(super) enum SelectionSolutions {
     Continuum {
         dimension: usize,
         extent: Option<Extent<ExactPoint>>,
+        shape: Option<Shape>,
     },
 }
 
@@ -66,18 +68,24 @@ fn examine(
         let point = table.point(&[]);
         return Ok(SelectionSolutions::Point { point, sign, touched });
     }
+    let mut flat = Vec::new();
     if dictionary.columns().len() > 1 {
-        let flat = flat_facets(dictionary, &facets)?;
-        for var in flat {
+        flat = flat_facets(dictionary, &facets)?;
+        for &var in &flat {
             dictionary.fix(var)?;
         }
     }
     match dictionary.columns().len() {
         0 | 1 => segment(table, &facets),
-        dimension => Ok(SelectionSolutions::Continuum {
-            dimension,
-            extent: None,
-        }),
+        dimension => {
+            let open = facets.iter().filter(|f| !flat.contains(&f.1));
+            let open: Vec<(usize, i8)> = open.map(|f| (f.1, f.2)).collect();
+            Ok(SelectionSolutions::Continuum {
+                dimension,
+                extent: None,
+                shape: Some(Shape::of_cell(table, &open)?),
+            })
+        }
     }
 }
 
@@ -225,8 +233,15 @@ fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<SelectionSolut
         }
     }
     let [low, high] = [low, high].map(|t| t.map(|t| table.point(&[t])));
-    let extent = table.line().map(|(foot, forth)| {
+    let (mut extent, mut shape) = (None, None);
+    if let Some((foot, forth)) = table.line() {
         let back = forth.clone().opposite();
+        let directions = match (&low, &high) {
+            (Some(_), Some(_)) => Vec::new(),
+            (Some(_), None) => vec![forth.clone()],
+            (None, Some(_)) => vec![back.clone()],
+            (None, None) => vec![forth.clone(), back.clone()],
+        };
         let beyond = match (&low, &high) {
             (Some(_), Some(_)) => Vec::new(),
             (Some(end), None) => vec![end.plus(&forth)],
@@ -234,9 +249,15 @@ fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<SelectionSolut
             (None, None) => vec![foot.plus(&forth), foot.plus(&back)],
         };
         let ends = [low, high].into_iter().flatten().collect();
-        Extent { ends, beyond }
-    });
-    Ok(SelectionSolutions::Continuum { dimension: 1, extent })
+        let own = Extent { ends, beyond };
+        shape = Shape::of_segment(&own, directions);
+        extent = Some(own);
+    }
+    Ok(SelectionSolutions::Continuum {
+        dimension: 1,
+        extent,
+        shape,
+    })
 }
 
 /// The point that is the whole solution set of a singular selection.

@@ -1,16 +1,21 @@
 //! Proven lists of solutions: all decisions by error bounds where these suffice, and in exact arithmetic where not.
 
+mod continua;
+
 use std::collections::BTreeSet;
 
 use super::certificate::Certificates;
 use super::contradiction::{Comparison, doubt_contradictions};
 use super::enclosure::Enclosure;
 use super::exhaustive::{self, Budget, ExactPoint};
+use super::first::first_selections;
 use super::lists::{Completeness, Continuum, Doubt, Extent, LISTED, NAMED, Solution, SolutionSet};
 use super::near;
 use super::per_selection::{SelectionSolutions, decide};
 use super::reduced::{reduced_directions, reduced_solutions};
+use super::refutation::multipliers;
 use super::search::SelectionSearch;
+use super::shape::Shape;
 use super::stated::{Beyond, Stated};
 use super::{EnumerationError, EnumerationOptions};
 use crate::clock::Deadline;
@@ -43,6 +48,7 @@ pub(super) fn proven_solutions(
     let known = map.num_residuals();
     let parameter = (map.num_vars() > known).then_some(alpha);
     let mut gathered = Gathered::new(known, parameter, conditions, &stated, deadline);
+    let (first, begun) = gathered.begin(map, alpha, options);
     let mut settle = |pieces: &[usize], budget: &mut Budget| gathered.settle(pieces, options, budget);
     // The unknowns may have no given bounds, while others of the same problem have some.
     let reduced = (!stated.bounded && exhaustive::elimination(conditions) <= MAX_WORK)
@@ -58,11 +64,19 @@ pub(super) fn proven_solutions(
     found
         .selections
         .retain(|pieces| !settled.iter().any(|active| inside(active, pieces)));
-    for pieces in &found.selections {
+    // What the search has not reached counts as well.
+    if let (Some(Completeness::Incomplete { examined, .. }), Some(pieces)) = (&mut found.incomplete, &begun)
+        && !found.selections.contains(pieces)
+        && !settled.iter().any(|active| inside(active, pieces))
+    {
+        *examined += 1.0;
+    }
+    for pieces in found.selections.iter().filter(|p| !first.contains(*p)) {
         let examined = !deadline.is_over() && gathered.examine(pieces, &mut budget);
         found.open += u64::from(!examined);
     }
     gathered.sharpen(&mut budget);
+    gathered.drop_faces();
     gathered.drop_points_of_continua();
     let open = found.open + gathered.disagreeing();
     let completeness = match found.incomplete {
@@ -163,6 +177,13 @@ impl Candidates {
             let _ = search.run(root, &mut leaf);
             unproven = std::mem::take(&mut search.unproven);
         }
+        let contradiction = search.contradicted.take();
+        let contradiction = contradiction.filter(|_| stated.is_exact() && stated.keeps_zeros);
+        if contradiction.is_some_and(|(t, var)| multipliers(&stated.system, &t, var, deadline).is_some()) {
+            found.bounded = true;
+            (found.nodes, found.pivots) = (search.nodes, search.pivots);
+            return found;
+        }
         (found.nodes, found.pivots) = (search.nodes, search.pivots);
         if search.stopped {
             found.incomplete = Some(Completeness::Incomplete {
@@ -231,6 +252,10 @@ pub(super) struct Gathered<'a> {
     blunt: Vec<usize>,
     pub(super) continua: Vec<Continuum>,
     extents: Vec<Option<Extent<ExactPoint>>>,
+    shapes: Vec<Option<Shape>>,
+    /// Of the forms of each site that are those of one unknown alone: the form, the unknown, and where it
+    /// vanishes.
+    bounds: Vec<Vec<(usize, usize, f64)>>,
     /// Whether a decision was taken in exact arithmetic.
     close: bool,
     /// How many of the unknowns are those of the map.
@@ -266,8 +291,34 @@ impl<'a> Gathered<'a> {
             blunt: Vec::new(),
             continua: Vec::new(),
             extents: Vec::new(),
+            shapes: Vec::new(),
+            bounds: conditions.sites.iter().map(continua::bounds_of).collect(),
             close: false,
         }
+    }
+
+    /// Finds what a cheap solver finds, with a budget of its own: the selections that are examined thereby,
+    /// and the one that has solutions.
+    fn begin(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
+        alpha: f64,
+        options: &EnumerationOptions,
+    ) -> (BTreeSet<Vec<usize>>, Option<Vec<usize>>) {
+        let mut budget = Budget::new(options, self.deadline);
+        let mut examined = BTreeSet::new();
+        for active in first_selections(map, alpha, options, self.deadline) {
+            for selection in active {
+                let pieces: Vec<usize> = selection.pieces().collect();
+                if !examined.contains(&pieces) && self.examine(&pieces, &mut budget) {
+                    examined.insert(pieces.clone());
+                }
+                if !(self.solutions.is_empty() && self.continua.is_empty()) {
+                    return (examined, Some(pieces));
+                }
+            }
+        }
+        (examined, None)
     }
 
     /// Finds the solutions of a selection; `false` where exact arithmetic reached its cap.
@@ -297,9 +348,11 @@ impl<'a> Gathered<'a> {
                 };
                 self.point(pieces, point, sign, margin);
             }
-            Some(SelectionSolutions::Continuum { dimension, extent }) => {
-                self.continuum(pieces, dimension, extent)
-            }
+            Some(SelectionSolutions::Continuum {
+                dimension,
+                extent,
+                shape,
+            }) => self.continuum(pieces, (dimension, extent), shape),
         }
         true
     }
@@ -317,7 +370,7 @@ impl<'a> Gathered<'a> {
             known.num_selections = known.num_selections.max(known.selections.len() as f64);
             known.margin = known.margin.min(margin);
         } else {
-            let x = self.full(point.to_f64());
+            let x = self.full(self.within(pieces, point.to_f64()));
             self.solutions.push(solution(x, pieces, sign, margin));
             self.points.push(Some(point));
         }
@@ -401,49 +454,6 @@ impl<'a> Gathered<'a> {
         none
     }
 
-    fn continuum(&mut self, pieces: &[usize], dimension: usize, extent: Option<Extent<ExactPoint>>) {
-        let selection = Selection::from_pieces(pieces.iter().copied());
-        let agrees = |other: &Option<Extent<ExactPoint>>| {
-            let both = extent.as_ref().zip(other.as_ref());
-            both.is_some_and(|(own, other)| own.agrees(other, |a, b| a == b))
-        };
-        if let Some(k) = self.extents.iter().position(agrees) {
-            return self.continua[k].selections.push(selection);
-        }
-        let ends = extent.iter().flat_map(|e| &e.ends);
-        self.continua.push(Continuum {
-            selections: vec![selection],
-            dimension,
-            ends: ends.map(|e| self.full(e.to_f64())).collect(),
-        });
-        self.extents.push(extent);
-    }
-
-    /// For each solution, whether it belongs to a continuum. One found by error bounds alone lies in the interior of its cell.
-    fn on_continua(&self) -> Vec<bool> {
-        let selections = self.continua.iter().flat_map(|c| &c.selections);
-        let pieces: Vec<Vec<usize>> = selections.map(|s| s.pieces().collect()).collect();
-        let inside = |p: &ExactPoint| pieces.iter().any(|h| exhaustive::contains(self.conditions, h, p));
-        self.points
-            .iter()
-            .map(|p| p.as_ref().is_some_and(inside))
-            .collect()
-    }
-
-    /// Drops points that are solutions of singular selections only, where they belong to a continuum of another one.
-    pub(super) fn drop_points_of_continua(&mut self) {
-        let on_continua = self.on_continua();
-        let kept = self.solutions.iter().zip(on_continua).map(|(s, on_continuum)| {
-            let singular = s.det_signs.iter().all(|d| *d == Some(0));
-            !(singular && on_continuum)
-        });
-        let kept: Vec<bool> = kept.collect();
-        let mut next = kept.iter();
-        self.solutions.retain(|_| next.next() == Some(&true));
-        let mut next = kept.iter();
-        self.points.retain(|_| next.next() == Some(&true));
-    }
-
     /// The solution of a selection without its cell, where error bounds prove that there is just one.
     pub(super) fn enclosure(&self, pieces: &[usize]) -> Option<Enclosure> {
         let (system, m) = (&self.stated.system, self.conditions.unknowns);
@@ -506,13 +516,13 @@ impl<'a> Gathered<'a> {
         for k in std::mem::take(&mut self.blunt) {
             let pieces: Vec<usize> = self.solutions[k].selections[0].pieces().collect();
             if let Some(SelectionSolutions::Point { point, .. }) = decide(self.conditions, &pieces, budget) {
-                self.solutions[k].x = self.full(point.to_f64());
+                self.solutions[k].x = self.full(self.within(&pieces, point.to_f64()));
             }
         }
     }
 
     pub(super) fn add(&mut self, pieces: &[usize], found: &Enclosure) {
-        let x = self.full(self.stated.scaling.unscaled(&found.point));
+        let x = self.full(self.within(pieces, self.stated.scaling.unscaled(&found.point)));
         if !found.is_sharp() {
             self.blunt.push(self.solutions.len());
         }
@@ -542,7 +552,7 @@ impl<'a> Gathered<'a> {
         let layout = TestLayout::new(map);
         let mut theta = vec![0.0; layout.total()];
         let on_continua = self.on_continua();
-        for (solution, on_continuum) in self.solutions.iter_mut().zip(on_continua) {
+        for (solution, continuum) in self.solutions.iter_mut().zip(on_continua) {
             if solution.margin > 0.0 {
                 map.test_functions(&solution.x, &mut theta);
                 let pieces = solution.selections[0].pieces().enumerate();
@@ -552,7 +562,8 @@ impl<'a> Gathered<'a> {
             }
             solution.sort();
             solution.find_index();
-            solution.index = solution.index.filter(|_| !on_continuum);
+            solution.index = solution.index.filter(|_| continuum.is_none());
+            solution.continuum = continuum;
         }
         self.solutions.sort_by(|a, b| a.selections.cmp(&b.selections));
         let indices: Option<i64> = self.solutions.iter().map(|s| s.index.map(i64::from)).sum();
@@ -571,5 +582,6 @@ fn solution(x: Vec<f64>, pieces: &[usize], sign: i8, margin: f64) -> Solution {
         det_signs: vec![Some(sign)],
         margin,
         index: None,
+        continuum: None,
     }
 }

@@ -4,6 +4,8 @@
 //! Without certificates, once a search takes many nodes, each node is tightened first: all pieces of all undecided sites are tried, and a
 //! sign that a form has in every remaining piece is imposed.
 
+mod contradiction;
+
 use super::certificate::{Basis, Certificates};
 use super::hull;
 use super::system::System;
@@ -83,6 +85,9 @@ pub(super) struct SelectionSearch<'a> {
     pub(super) unproven: Vec<Vec<Option<usize>>>,
     /// The table at the root of the present search.
     root: Option<Table>,
+    /// The table in which the conditions that hold for all selections contradict each other, and the variable
+    /// whose row shows it.
+    pub(super) contradicted: Option<(Table, usize)>,
     /// Numbers stored by levels and tables.
     stored: usize,
     kept: usize,
@@ -117,6 +122,7 @@ impl<'a> SelectionSearch<'a> {
             certificates,
             unproven: Vec::new(),
             root: None,
+            contradicted: None,
             stored: 0,
             kept: KEPT,
             limit: MAX_STORED,
@@ -201,6 +207,7 @@ impl<'a> SelectionSearch<'a> {
             if !self.proven(&root, contradiction.var) {
                 self.doubt(None);
             }
+            self.contradicted = Some((root, contradiction.var));
             return Ok(());
         }
         let mut undecided: Vec<usize> = (0..self.system.sites.len()).collect();

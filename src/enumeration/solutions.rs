@@ -12,6 +12,7 @@ use crate::piecewise::{
     ExactConditions, ExactForm, PiecewiseError, PiecewiseSmooth, Scaled, Selection, Selections, TestLayout,
     check_vector,
 };
+use crate::sparse::max_abs;
 use collector::Collector;
 
 /// All solutions y of H(y, α) = 0 for a map whose pieces are affine in y. For an equation (as many variables as residuals) `alpha`
@@ -80,8 +81,15 @@ fn solutions_of(
     let scaled = Scaled::new(map, &[], (alpha, alpha))?;
     let mut set = of_scaled(&scaled, alpha / scaled.parameter_size(), options, deadline)?;
     set.solutions.iter_mut().for_each(|s| scaled.unscale(&mut s.x));
-    let ends = set.continua.iter_mut().flat_map(|c| &mut c.ends);
-    ends.for_each(|x| scaled.unscale(x));
+    for continuum in &mut set.continua {
+        let points = continuum.ends.iter_mut().chain([&mut continuum.point]);
+        points.filter(|x| !x.is_empty()).for_each(|x| scaled.unscale(x));
+        for direction in &mut continuum.directions {
+            scaled.unscale(direction);
+            let largest = max_abs(direction);
+            direction.iter_mut().for_each(|v| *v /= largest);
+        }
+    }
     let overflows = drop_overflows(&mut set);
     if overflows > 0 {
         set.index_sum = None;

@@ -78,10 +78,13 @@ pub(super) fn split(
     let Some(sums) = Sums::new(map, &first, choices, at, &mut jac)? else {
         return Ok(None);
     };
-    for selection in compared(map, &first, choices, MAX_WORK / size.max(1)) {
-        if at.deadline.is_over() || !sums.hold(map, &selection, choices, at, &mut jac)? {
-            return Ok(None);
-        }
+    // Each comparison goes through all sites.
+    let limit = MAX_WORK / size.max(choices.len()).max(1);
+    let alike = all_compared(map, &first, choices, limit, |selection| {
+        Ok(!at.deadline.is_over() && sums.hold(map, selection, choices, at, &mut jac)?)
+    })?;
+    if !alike {
+        return Ok(None);
     }
     let mut system = System {
         unknowns: at.unknowns,
@@ -103,46 +106,50 @@ pub(super) fn split(
     Ok(Some(system))
 }
 
-/// Selections at which sums are compared with the rows.
-fn compared(
+/// Whether a test holds at the selections at which sums are compared with the rows, as many as the limit
+/// allows; they are made one by one, since there may be millions of pairs.
+fn all_compared(
     map: &dyn PiecewiseSmooth,
     first: &Selection,
     choices: &[Choice],
     limit: usize,
-) -> Vec<Selection> {
-    let mut all = Vec::new();
+    mut test: impl FnMut(&Selection) -> Result<bool, EnumerationError>,
+) -> Result<bool, EnumerationError> {
     let mut random = Random::new(1);
+    let mut selection = first.clone();
     for _ in 0..COMPARED {
-        let mut selection = first.clone();
         for (site, pieces) in choices {
             selection.set(*site, pieces[random.below(pieces.len())]);
         }
-        all.push(selection);
+        if !test(&selection)? {
+            return Ok(false);
+        }
     }
     let mut rows = vec![Vec::new(); choices.len()];
     for (own, choice) in rows.iter_mut().zip(choices) {
         map.site_rows(choice.0, own);
     }
+    selection.clone_from(first);
+    let mut left = limit.saturating_sub(COMPARED);
     for (i, a) in choices.iter().enumerate() {
-        for (j, b) in choices.iter().enumerate().take(i) {
-            if !rows[i].iter().any(|r| rows[j].contains(r)) {
-                continue;
-            }
-            for (p, q) in a.1[1..]
-                .iter()
-                .flat_map(|p| b.1[1..].iter().map(move |q| (*p, *q)))
-            {
-                if all.len() >= limit {
-                    return all;
+        let meets = |j: &usize| rows[i].iter().any(|r| rows[*j].contains(r));
+        for b in (0..i).filter(meets).map(|j| &choices[j]) {
+            for (p, q) in (a.1[1..].iter()).flat_map(|p| b.1[1..].iter().map(move |q| (*p, *q))) {
+                if left == 0 {
+                    return Ok(true);
                 }
-                let mut selection = first.clone();
+                left -= 1;
                 selection.set(a.0, p);
                 selection.set(b.0, q);
-                all.push(selection);
+                if !test(&selection)? {
+                    return Ok(false);
+                }
             }
+            selection.set(b.0, first.piece(b.0));
         }
+        selection.set(a.0, first.piece(a.0));
     }
-    all
+    Ok(true)
 }
 
 impl Sums {

@@ -28,6 +28,8 @@ pub(super) struct Stated {
     pub(super) beyond: Option<Beyond>,
     /// Whether the bounds hold for all solutions, or `beyond` covers the rest.
     pub(super) bounded: bool,
+    /// Whether the numbers that are zero are so exactly: none has become too small to be told from it.
+    pub(super) keeps_zeros: bool,
     /// Errors of the forms' numbers beyond rounding: of the common ones, then of those of the sites. Empty if there are none.
     errors: Vec<Error>,
     /// Where the forms of each site begin.
@@ -82,6 +84,11 @@ impl Scaling {
             coefficients,
             error: f64::EPSILON,
         }
+    }
+
+    /// The power of two by which a form is multiplied.
+    pub(super) fn row(&self, form: usize) -> i64 {
+        self.rows[form]
     }
 
     /// The power of two s with y_k = 2^s z_k.
@@ -154,6 +161,7 @@ impl Stated {
             Some(*next - s.forms.len())
         });
         Self {
+            keeps_zeros: keeps_zeros(conditions, &system),
             system,
             scaling,
             radii,
@@ -193,6 +201,14 @@ impl Stated {
     pub(super) fn is_exact(&self) -> bool {
         self.errors.is_empty()
     }
+}
+
+fn keeps_zeros(conditions: &ExactConditions, system: &System) -> bool {
+    forms(conditions).zip(system.forms()).all(|(exact, rounded)| {
+        let mut both = exact.coefficients.iter().zip(&rounded.coefficients);
+        let constant = exact.constant.is_zero() == (rounded.constant == 0.0);
+        constant && both.all(|(a, b)| a.is_zero() == (*b == 0.0))
+    })
 }
 
 /// A form of one unknown alone that has one sign at all solutions: (variable, coefficient made positive, constant, sign).

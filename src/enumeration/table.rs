@@ -136,6 +136,11 @@ impl Table {
         Some((row[0], &self.columns, self.active, &row[1..]))
     }
 
+    /// Whether a variable is a column that is fixed at zero.
+    pub(super) fn is_fixed(&self, var: usize) -> bool {
+        self.columns[self.active..].contains(&var)
+    }
+
     /// A copy without storage for dropped rows and columns.
     pub(super) fn compact(&self) -> Self {
         let width = self.width();
@@ -358,6 +363,17 @@ impl Table {
 
     /// Restores the sign constraints of all rows; without a verdict after the time limit.
     pub(super) fn repair(&mut self, deadline: Deadline<'_>) -> Result<(), Contradiction> {
+        self.repair_within(f64::INFINITY, deadline)
+    }
+
+    /// [`repair`](Self::repair) where a contradiction is proven from the forms themselves: error bounds only
+    /// say which coefficients count as zero. In full tables they double with each exchange, and soon every
+    /// coefficient would; they are kept below [`VAGUE`].
+    pub(super) fn repair_uncertain(&mut self, deadline: Deadline<'_>) -> Result<(), Contradiction> {
+        self.repair_within(VAGUE, deadline)
+    }
+
+    fn repair_within(&mut self, largest: f64, deadline: Deadline<'_>) -> Result<(), Contradiction> {
         let quick = 4 * (self.rows.len() + self.columns.len()) + 20;
         // Bland's rule terminates in exact arithmetic; with rounding a limit does, without a verdict.
         for step in 0..20 * quick {
@@ -372,6 +388,7 @@ impl Table {
                 Some(c) => self.exchange(r, c),
                 None => return Err(Contradiction { var: self.rows[r] }),
             }
+            self.error.iter_mut().for_each(|e| *e = e.min(largest));
         }
         Ok(())
     }

@@ -51,12 +51,16 @@ impl<F: McpFunction> Vi<F> {
             return self.list(options);
         };
         let mut all = same.list(options)?;
-        for end in all.continua.iter_mut().flat_map(|c| &mut c.ends) {
-            let multipliers = &mut end[self.set().dimension()..];
-            multipliers
-                .iter_mut()
-                .zip(&units)
-                .for_each(|(v, unit)| *v *= unit);
+        for continuum in &mut all.continua {
+            let vectors = continuum.ends.iter_mut().chain(&mut continuum.directions);
+            for vector in vectors.chain([&mut continuum.point]) {
+                let multipliers = vector.iter_mut().skip(self.set().dimension());
+                multipliers.zip(&units).for_each(|(v, unit)| *v *= unit);
+            }
+            for direction in &mut continuum.directions {
+                let largest = max_abs(direction);
+                direction.iter_mut().for_each(|v| *v /= largest);
+            }
         }
         Ok(all)
     }

@@ -163,3 +163,74 @@ fn infeasible_problems_are_refuted_in_any_units() {
         assert!(report.ray.unwrap().radius > 1e12, "{x:e} {f:e}");
     }
 }
+
+/// min cᵀx over A x = b in second-order cones and half-lines, with y planted such that −Aᵀy lies inside of
+/// the cone and bᵀy > 0: no x in the cone has A x = b, by a margin. The unknowns are x, with F = c − Aᵀλ, and
+/// λ, with F = A x − b.
+fn strongly_infeasible(random: &mut Random, sizes: &[usize], rows: usize) -> (Vec<Vec<f64>>, Vec<f64>) {
+    let n: usize = sizes.iter().sum();
+    let mut a: Vec<Vec<f64>> = (0..rows)
+        .map(|_| (0..n).map(|_| random.normal()).collect())
+        .collect();
+    let mut y: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
+    y[rows - 1] = 1.0 + random.unit();
+    let mut inside = Vec::new();
+    for &size in sizes {
+        let tail: Vec<f64> = (1..size).map(|_| random.normal()).collect();
+        inside.push(norm(&tail) + 0.1 + random.unit());
+        inside.extend(tail);
+    }
+    for j in 0..n {
+        let others: f64 = (0..rows - 1).map(|i| a[i][j] * y[i]).sum();
+        a[rows - 1][j] = -(inside[j] + others) / y[rows - 1];
+    }
+    let mut b: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
+    let others: f64 = (0..rows - 1).map(|i| b[i] * y[i]).sum();
+    b[rows - 1] = (0.1 + random.unit() - others) / y[rows - 1];
+    let mut m = vec![vec![0.0; n + rows]; n + rows];
+    let mut q: Vec<f64> = (0..n).map(|_| random.normal()).collect();
+    q.extend(b.iter().map(|b| -b));
+    for (i, row) in a.iter().enumerate() {
+        for (j, v) in row.iter().enumerate() {
+            (m[n + i][j], m[j][n + i]) = (*v, -v);
+        }
+    }
+    (m, q)
+}
+
+/// Every one of these programs is refuted, by a v in K with −Mᵀv in K* and qᵀv < 0.
+#[test]
+fn strongly_infeasible_programs_are_refuted() {
+    let mut random = Random::new(11);
+    for sizes in [&[3][..], &[5], &[10], &[3, 4], &[1, 1, 6, 2], &[30]] {
+        let n: usize = sizes.iter().sum();
+        for k in 0..60 {
+            let rows = 1 + k % n.min(6);
+            let (m, q) = strongly_infeasible(&mut random, sizes, rows);
+            let mut cones: Vec<Cone> = sizes.iter().map(|&s| Cone::SecondOrder(s)).collect();
+            cones.push(Cone::Free(rows));
+            let function = AffineFunction::new(Matrix::from_rows(&m).unwrap(), q.clone()).unwrap();
+            let problem = ConeProblem::new(function, cones).unwrap();
+            let mut x = vec![0.0; n + rows];
+            let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+            assert_eq!(report.status, ConeStatus::NoSolution, "{sizes:?} {k}: {report:?}");
+            let v = &report.ray.as_ref().unwrap().direction;
+            let value: f64 = q.iter().zip(v).map(|(q, v)| q * v).sum();
+            let back = |j: usize| -(0..n + rows).map(|i| m[i][j] * v[i]).sum::<f64>();
+            let mut at = 0;
+            for &size in sizes {
+                let image: Vec<f64> = (at..at + size).map(back).collect();
+                assert!(
+                    image[0] >= norm(&image[1..]) && v[at] >= norm(&v[at + 1..at + size]),
+                    "{sizes:?} {k}"
+                );
+                at += size;
+            }
+            let left: f64 = (n..n + rows).map(|j| back(j).abs()).fold(0.0, f64::max);
+            assert!(
+                value < 0.0 && left <= 1e-12 * norm(v),
+                "{sizes:?} {k}: {value} {left:e}"
+            );
+        }
+    }
+}

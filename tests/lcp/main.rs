@@ -13,6 +13,8 @@ use semismooth::sparse::Matrix;
 mod random;
 
 mod active_set;
+mod games;
+mod infeasible;
 
 fn enumerate(lcp: &Lcp) -> SolutionSet {
     all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default()).unwrap()

@@ -28,6 +28,7 @@ mod support;
 mod arms;
 mod continua;
 mod points;
+mod polyhedra;
 mod statements;
 #[cfg(feature = "autodiff")]
 mod traced;

@@ -262,6 +262,7 @@ def lemke(
     *,
     covering: ArrayLike | None = None,
     max_pivots: int | None = None,
+    label: int | None = None,
 ) -> LemkeResult: ...
 
 @final
@@ -278,6 +279,8 @@ class Solution:
     def index(self) -> int | None: ...
     @property
     def residual(self) -> float: ...
+    @property
+    def continuum(self) -> int | None: ...
 
 @final
 class Continuum:
@@ -286,7 +289,13 @@ class Continuum:
     @property
     def dimension(self) -> int: ...
     @property
+    def point(self) -> _Vector: ...
+    @property
     def ends(self) -> _Vector: ...
+    @property
+    def directions(self) -> _Vector: ...
+    @property
+    def described(self) -> bool: ...
 
 @final
 class SolutionSet:

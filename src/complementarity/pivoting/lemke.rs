@@ -1,4 +1,6 @@
+mod label;
 mod ratio;
+mod split;
 mod verify;
 
 use std::ops::ControlFlow;
@@ -44,15 +46,24 @@ enum Side {
 
 /// Lemke's complementary pivoting for the (box) LCP, with a lexicographic ratio test.
 ///
-/// Starting at z = the bound nearest to minus infinity that is finite, the method follows the solutions of
-/// w = M z + q + t d, complementary in (z, w), from large t to t = 0. The lexicographic rule excludes cycling, so that the path
-/// ends at a solution or on a ray for any M. Bounds are handled as such: an upper bound costs no extra unknown. It finds a
-/// solution whenever there is one for copositive-plus matrices (positive semidefinite ones included), and always for P matrices,
-/// strictly copositive ones, and for finite boxes (C. E. Lemke, 1965; R. W. Cottle, J.-S. Pang, R. E. Stone, *The Linear
-/// Complementarity Problem*, 1992, algorithm 4.4.5 and section 4.9).
+/// Starting at z = the bound nearest to minus infinity that is finite, the method follows the solutions of w
+/// = M z + q + t d, complementary in (z, w), from large t to t = 0. The lexicographic rule excludes cycling,
+/// so that the path ends at a solution or on a ray for any M. Bounds are handled as such: an upper bound
+/// costs no extra unknown. It finds a solution whenever there is one for copositive-plus matrices (positive
+/// semidefinite ones included), and always for P matrices, strictly copositive ones, and for finite boxes (C.
+/// E. Lemke, 1965; R. W. Cottle, J.-S. Pang, R. E. Stone, *The Linear Complementarity Problem*, 1992,
+/// algorithm 4.4.5 and section 4.9).
 ///
-/// The inverse of the basis is updated (n² operations an exchange) and recomputed when it has become inaccurate. A solver that is used
-/// again allocates nothing for problems that are not larger than the first.
+/// With [`LemkeOptions::label`] the path begins at the solution z = 0 of a problem with q ≥ 0 and leads to
+/// another one (C. E. Lemke, J. T. Howson, 1964). A bimatrix game whose players have the payoffs A > 0 and B
+/// > 0 is M = −[0 A; Bᵀ 0], q = 1: the parts of z, each divided by its sum, are an equilibrium, and each
+/// label leads to one, though not each equilibrium is found by a label.
+///
+/// Unknowns without bounds may have any block of M: where it is singular, as in the optimality conditions of
+/// linear programs with equations, each of them counts as the difference of two that are not negative.
+///
+/// The inverse of the basis is updated (n² operations an exchange) and recomputed when it has become
+/// inaccurate. A solver that is used again allocates nothing for problems that are not larger than the first.
 ///
 /// ```
 /// use semismooth::complementarity::{Lcp, pivoting::{Lemke, LemkeStatus}};
@@ -62,6 +73,26 @@ enum Side {
 /// let report = Lemke::default().solve(&lcp, &mut z)?;
 /// assert_eq!(report.status, LemkeStatus::Solved);
 /// assert_eq!(z, [2.5, 0.0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// A game of two players, each of whom mixes two strategies:
+///
+/// ```
+/// use semismooth::complementarity::{Lcp, pivoting::{Lemke, LemkeOptions}};
+/// use semismooth::sparse::Matrix;
+/// let (a, b) = ([[3.0, 1.0], [1.0, 2.0]], [[1.0, 2.0], [3.0, 1.0]]);
+/// let m = Matrix::from_rows(&[
+///     [0.0, 0.0, -a[0][0], -a[0][1]],
+///     [0.0, 0.0, -a[1][0], -a[1][1]],
+///     [-b[0][0], -b[1][0], 0.0, 0.0],
+///     [-b[0][1], -b[1][1], 0.0, 0.0],
+/// ])?;
+/// let game = Lcp::new(m, vec![1.0; 4])?;
+/// let mut z = [0.0; 4];
+/// let report = Lemke::new(LemkeOptions::default().with_label(0)).solve(&game, &mut z)?;
+/// let (x, y) = (z[0] / (z[0] + z[1]), z[2] / (z[2] + z[3]));
+/// assert!(report.residual < 1e-14 && (x - 2.0 / 3.0).abs() < 1e-14 && (y - 1.0 / 3.0).abs() < 1e-14);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Default)]
@@ -120,12 +151,14 @@ impl Lemke {
         self.has_ray.then_some(&self.ray)
     }
 
-    /// Solves the problem; `z` is overwritten by the solution or the end of the path. Its content before does not matter.
+    /// Solves the problem; `z` is overwritten by the solution or the end of the path. Its content before does
+    /// not matter.
     ///
     /// # Errors
-    /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for a covering vector that is not
-    /// positive, [`ComplementarityError::Unsuitable`] for more than 20 000 unknowns or unknowns without bounds whose block of M is
-    /// singular.
+    /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for
+    /// a covering vector that is not positive or a label that is none, [`ComplementarityError::Unsuitable`]
+    /// for more than 20 000 unknowns (where the block of those without bounds is singular, these count
+    /// twice), or for a label where z at its bounds is no solution or the unknown has not just one bound.
     pub fn solve(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<LemkeReport, ComplementarityError> {
         self.solve_observed(lcp, z, |_| ControlFlow::Continue(()))
     }
@@ -148,12 +181,19 @@ impl Lemke {
         self.turn = 0;
         let status = loop {
             self.prepare(n);
-            self.start(lcp)?;
+            if !self.start(lcp)? {
+                return self.solve_split(lcp, z, &mut observe);
+            }
             let mut count = 0;
             let status = self.follow(lcp, limit, &mut count, &mut observe)?;
             pivots += count;
             // Ties with opposite bounds may cycle whatever the order of rows: another covering vector avoids them.
-            let chosen = self.options.covering.is_some() || self.options.max_pivots.is_some();
+            let LemkeOptions {
+                max_pivots,
+                covering,
+                label,
+            } = &self.options;
+            let chosen = covering.is_some() || max_pivots.is_some() || label.is_some();
             if status != LemkeStatus::PivotLimit || chosen || self.turn == TURNS {
                 break status;
             }
@@ -229,6 +269,13 @@ impl Lemke {
                 reason: format!("its dense inverse for {n} unknowns would not fit; use an active-set method"),
             });
         }
+        if let Some(label) = self.options.label.filter(|k| *k >= n) {
+            return Err(ComplementarityError::Option {
+                name: "label",
+                value: label as f64,
+                range: "the number of an unknown, from 0",
+            });
+        }
         let Some(d) = &self.options.covering else {
             return Ok(());
         };
@@ -269,8 +316,8 @@ impl Lemke {
         self.fresh = true;
     }
 
-    /// The basis of all wᵢ, with the zᵢ that have no bounds in place of theirs.
-    fn start(&mut self, lcp: &Lcp) -> Result<(), ComplementarityError> {
+    /// The basis of all wᵢ, with the zᵢ that have no bounds in place of theirs; `false` where it is singular.
+    fn start(&mut self, lcp: &Lcp) -> Result<bool, ComplementarityError> {
         let (lower, upper) = (lcp.lower(), lcp.upper());
         for i in 0..lcp.len() {
             let side = match (lower[i].is_finite(), upper[i].is_finite()) {
@@ -294,20 +341,13 @@ impl Lemke {
             match self.refactor(lcp) {
                 Err(ComplementarityError::Linear(
                     LinearError::Singular { .. } | LinearError::Inaccurate { .. },
-                )) => {
-                    return Err(ComplementarityError::Unsuitable {
-                        method: "Lemke's method",
-                        reason: "the block of the matrix that belongs to the unknowns without bounds is singular; give them \
-                                 finite bounds"
-                            .to_owned(),
-                    });
-                }
+                )) => return Ok(false),
                 result => result?,
             }
         }
         self.values(lcp);
         self.zero = ZERO * self.rhs.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        Ok(())
+        Ok(true)
     }
 
     /// Right-hand side q + Σ M_j z_j over the z_j at bounds, then the basic variables (without t in the basis, or with it).
@@ -346,17 +386,23 @@ impl Lemke {
         pivots: &mut usize,
         observe: &mut dyn FnMut(&LemkePivot) -> ControlFlow<()>,
     ) -> Result<LemkeStatus, ComplementarityError> {
-        let Some(mut slot) = self.enter_cover() else {
-            return Ok(LemkeStatus::Solved);
-        };
-        let mut leaving = self.basic[slot];
         let mut at_upper = false;
+        let mut leaving = match self.options.label {
+            Some(label) => self.check_label(lcp, label)?,
+            None => {
+                let Some(slot) = self.enter_cover() else {
+                    return Ok(LemkeStatus::Solved);
+                };
+                let leaving = self.basic[slot];
+                self.exchange(slot, Var::Cover);
+                *pivots = 1;
+                leaving
+            }
+        };
         let unit = match self.options.covering {
             Some(_) => 1.0,
             None => self.units.iter().fold(0.0_f64, |m, u| m.max(*u)),
         };
-        self.exchange(slot, Var::Cover);
-        *pivots = 1;
         self.fresh = false;
         loop {
             let (entering, direction) = self.complement(leaving, at_upper);
@@ -403,17 +449,17 @@ impl Lemke {
                     step,
                     at_upper: upper,
                 } => {
-                    (slot, at_upper) = (k, upper);
-                    leaving = self.basic[slot];
+                    at_upper = upper;
+                    leaving = self.basic[k];
                     let from = self.position(lcp, entering);
                     self.advance(step, direction);
-                    self.value[slot] = from + direction * step;
+                    self.value[k] = from + direction * step;
                     if let Var::Point(i) = leaving {
                         self.side[i] = if at_upper { Side::Upper } else { Side::Lower };
                     }
-                    self.exchange(slot, entering);
+                    self.exchange(k, entering);
                     self.fresh = false;
-                    if leaving == Var::Cover {
+                    if self.is_last(leaving) {
                         return self.finish(lcp);
                     }
                 }

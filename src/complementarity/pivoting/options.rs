@@ -17,6 +17,11 @@ pub struct LemkeOptions {
     /// `max_pivots` is set). It chooses the path, and with several
     /// solutions the one that is found.
     pub covering: Option<Vec<f64>>,
+    /// The number k of the unknown at which the path begins, for the method of Lemke and Howson; default
+    /// `None`. Then z at its bounds has to be a solution (z = 0 with q ≥ 0), and the path of points at which
+    /// all pairs but (zₖ, wₖ) are complementary leads from it to another solution. There is no covering
+    /// vector.
+    pub label: Option<usize>,
 }
 
 impl LemkeOptions {
@@ -31,6 +36,13 @@ impl LemkeOptions {
     #[must_use]
     pub fn with_covering(mut self, covering: Vec<f64>) -> Self {
         self.covering = Some(covering);
+        self
+    }
+
+    /// Sets the unknown at which the path begins.
+    #[must_use]
+    pub fn with_label(mut self, label: usize) -> Self {
+        self.label = Some(label);
         self
     }
 }
@@ -97,7 +109,8 @@ pub struct LemkePivot {
     pub index: usize,
     /// Number of the path, from 0: a path that cycles is restarted with another covering vector.
     pub path: usize,
-    /// The covering variable t before it: 0 at a solution. It need not fall from one exchange to the next.
+    /// The covering variable t before it: 0 at a solution, and on paths without one. It need not fall from
+    /// one exchange to the next.
     pub cover: f64,
 }
 

@@ -93,7 +93,7 @@ impl Diagram {
                 unknown.push(Limit::Stopped);
                 break;
             };
-            let open = set.continua.iter().any(|c| c.ends.is_empty());
+            let open = set.continua.iter().any(|c| c.dimension > 1 || c.ends.is_empty());
             if open || set.completeness.has_gaps() {
                 unknown.push(Limit::Solutions { parameter: alpha });
             }

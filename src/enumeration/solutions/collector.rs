@@ -304,6 +304,7 @@ impl<'a> Collector<'a> {
                     det_signs: vec![sign],
                     margin,
                     index: None,
+                    continuum: None,
                 });
             }
         }
@@ -339,7 +340,10 @@ impl<'a> Collector<'a> {
                 self.continua.push(Continuum {
                     selections: vec![selection.clone()],
                     dimension: set.kernel.len(),
+                    point: Vec::new(),
                     ends: Vec::new(),
+                    directions: Vec::new(),
+                    described: false,
                 });
                 self.extents.push(None);
             }
@@ -403,6 +407,12 @@ impl<'a> Collector<'a> {
             ends: ends.collect(),
             beyond,
         };
+        let unit = max_abs(direction);
+        let turned = |sign: f64| -> Vec<f64> { direction.iter().map(|d| sign * d / unit).collect() };
+        let ways = [(high, 1.0), (low, -1.0)]
+            .into_iter()
+            .filter(|w| w.0.is_infinite());
+        let directions = ways.map(|w| turned(w.1)).collect();
         let agrees = |other: &Option<Extent<Vec<f64>>>| {
             let other = other.as_ref();
             other.is_some_and(|other| extent.agrees(other, |a, b| self.same(a, b)))
@@ -413,7 +423,13 @@ impl<'a> Collector<'a> {
                 self.continua.push(Continuum {
                     selections: vec![selection.clone()],
                     dimension: 1,
+                    point: match extent.beyond.first() {
+                        Some(beyond) => beyond.clone(),
+                        None => at(0.5 * (low + high)),
+                    },
                     ends: extent.ends.clone(),
+                    directions,
+                    described: true,
                 });
                 self.extents.push(Some(extent));
             }

@@ -63,7 +63,7 @@ impl Lemke {
                 self.tied.push(k);
             }
         }
-        let cover = self.tied.iter().position(|&k| self.basic[k] == Var::Cover);
+        let cover = self.tied.iter().position(|&k| self.is_last(self.basic[k]));
         let mut best = self.tied[cover.unwrap_or(0)];
         if cover.is_none() {
             for t in 1..self.tied.len() {

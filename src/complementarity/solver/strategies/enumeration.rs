@@ -2,10 +2,10 @@
 
 use std::cell::{Cell, RefCell};
 
-use crate::complementarity::Mcp;
 use crate::complementarity::solver::McpStatus;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::Plan;
+use crate::complementarity::{AffineFunction, Mcp};
 use crate::enumeration::{EnumerationOptions, all_solutions_until};
 
 /// Affine problems up to this size are enumerated. `properties::arbitrary_small_problems_are_never_claimed_wrongly`.
@@ -19,30 +19,33 @@ impl Engine<'_> {
         self.affine && self.n() <= ENUMERABLE
     }
 
-    /// Pruned search of all active sets of a small affine problem.
-    pub(super) fn enumerate(&mut self) -> McpStatus {
+    /// The affine problem by its coefficients; `None` where they are not finite.
+    pub(super) fn affine_problem(&mut self) -> Option<Mcp<AffineFunction>> {
         if !self.jacobian() {
-            return McpStatus::Stalled;
+            return None;
         }
         self.fresh = false;
-        let n = self.n();
         let w = &mut *self.work;
         w.trial.x.fill(0.0);
         self.function.value(&w.trial.x, &mut w.trial.f);
         self.report.evaluations += 1;
-        let problem = Mcp::affine(
-            w.lin.jac().clone(),
-            w.trial.f.clone(),
-            self.lower.to_vec(),
-            self.upper.to_vec(),
-        );
+        let (matrix, q) = (w.lin.jac().clone(), w.trial.f.clone());
+        Mcp::affine(matrix, q, self.lower.to_vec(), self.upper.to_vec()).ok()
+    }
+
+    /// Pruned search of all active sets of an affine problem.
+    pub(super) fn enumerate(&mut self, most: u64) -> McpStatus {
+        let Some(problem) = self.affine_problem() else {
+            return McpStatus::Stalled;
+        };
+        let n = self.n();
         let left = self.options.max_time;
         let left = left.map(|t| t.saturating_sub(self.clock.elapsed()));
         // As many nodes as components count as an iteration.
         let iterations = self.options.max_iterations - self.report.iterations;
         let nodes = (iterations as u64).saturating_mul(n as u64);
         let options = EnumerationOptions::default()
-            .with_max_nodes(self.options.max_nodes.min(nodes))
+            .with_max_nodes(most.min(nodes))
             .with_max_time(left);
         let now = self.between(self.strategy);
         let (observe, stopped) = (RefCell::new(&mut *self.observe), Cell::new(self.interrupted));
@@ -51,14 +54,15 @@ impl Engine<'_> {
             stopped.set(stopped.get() || observe.borrow_mut()(&now).is_break());
             stopped.get()
         };
-        let set = problem.map(|p| all_solutions_until(&p, 0.0, &options, &stop));
+        let set = all_solutions_until(&problem, 0.0, &options, &stop);
         self.interrupted = stopped.get();
-        let Ok(Ok(set)) = set else {
+        let Ok(set) = set else {
             return McpStatus::Stalled;
         };
         self.report.iterations += set.nodes as usize / n.max(1);
-        let ends = set.continua.iter().flat_map(|c| &c.ends);
-        for y in set.solutions.iter().map(|s| &s.x).chain(ends) {
+        let continua = set.continua.iter().flat_map(|c| c.ends.iter().chain([&c.point]));
+        let points = set.solutions.iter().map(|s| &s.x).chain(continua);
+        for y in points.filter(|y| !y.is_empty()) {
             self.work.here.x.copy_from_slice(&y[..n]);
             if self.descend(&Plan::newton(POLISH)) == McpStatus::Solved {
                 return McpStatus::Solved;

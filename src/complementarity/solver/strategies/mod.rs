@@ -7,6 +7,7 @@ mod josephy;
 mod newton;
 mod path;
 mod proximal;
+mod refutation;
 mod restart;
 mod smoothing;
 
@@ -94,8 +95,10 @@ static TABLE: &[Strategy] = &[
     Strategy::attempt(McpStrategy::JosephyNewton, "Josephy-Newton", |e| e.josephy())
         .only_if(|e| e.has_affine_paths()),
     Strategy::attempt(McpStrategy::Homotopy, "homotopy", |e| e.homotopy()).only_if(|e| e.has_paths()),
-    Strategy::attempt(McpStrategy::Enumeration, "enumeration", |e| e.enumerate())
-        .only_if(|e| e.is_enumerable()),
+    Strategy::attempt(McpStrategy::Enumeration, "enumeration", |e| {
+        e.enumerate(e.options.max_nodes)
+    })
+    .only_if(|e| e.is_enumerable()),
     Strategy::attempt(McpStrategy::Smoothing, "smoothing", |e| e.smoothing()),
     Strategy {
         is: McpStrategy::Restart,
@@ -113,6 +116,9 @@ pub(super) fn all() -> Vec<McpStrategy> {
 /// By how much piecewise linear paths of affine problems may be larger than others.
 const AFFINE: usize = 4;
 
+/// Strategies that are tried before a proof that there is no solution: those that take no longer than it.
+const BEFORE_PROOF: usize = 2;
+
 impl Engine<'_> {
     /// Tries one strategy after the other.
     pub(super) fn solve(&mut self, states: Option<&[BoundState]>) -> McpStatus {
@@ -126,6 +132,7 @@ impl Engine<'_> {
         // The first attempt begins here.
         self.fresh = true;
         let most = if self.options.fallbacks { usize::MAX } else { 1 };
+        let mut tried = 0;
         for (k, wanted) in self.options.strategies.iter().take(most).enumerate() {
             let Some(strategy) = TABLE.iter().find(|s| s.is == *wanted && (s.suits)(self)) else {
                 continue;
@@ -138,6 +145,12 @@ impl Engine<'_> {
                 Run::Attempts(run) => run(self),
             };
             if let Some(status) = ended {
+                return status;
+            }
+            tried += 1;
+            if tried == BEFORE_PROOF
+                && let Some(status) = self.prove()
+            {
                 return status;
             }
         }
