@@ -17,8 +17,8 @@ use serde::Serialize;
 
 use crate::arrays::{bound, counted, matrix, python, sparse, start, vector};
 use crate::errors::{Run, raised};
-use crate::names::size;
 use crate::map::{Map, TracedFunction, map_of};
+use crate::names::size;
 use crate::saving::{data, data_of, field, state_of};
 
 /// The linear complementarity problem of a square matrix M, shape (n, n), dense or scipy.sparse, and a vector q, shape (n,).

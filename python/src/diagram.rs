@@ -74,7 +74,10 @@ impl Edge {
     fn __repr__(&self, py: Python<'_>) -> String {
         let points = self.points.bind(py).readonly().as_array().nrows();
         let (from, to) = self.ends;
-        format!("<Edge: {} from vertex {from} to vertex {to}>", counted(points, "point"))
+        format!(
+            "<Edge: {} from vertex {from} to vertex {to}>",
+            counted(points, "point")
+        )
     }
 }
 

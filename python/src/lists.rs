@@ -43,9 +43,14 @@ impl Solution {
         let x = self.x.bind(py).to_vec()?;
         let shown = x.iter().take(SHOWN).map(|v| number(*v, &x));
         let more = if x.len() > SHOWN { ", …" } else { "" };
-        let index = self.index.map_or_else(String::new, |index| format!(", index {index}"));
+        let index = self
+            .index
+            .map_or_else(String::new, |index| format!(", index {index}"));
         let text = shown.collect::<Vec<_>>().join(", ");
-        Ok(format!("<Solution: ({text}{more}){index}, margin {}>", size(self.margin)))
+        Ok(format!(
+            "<Solution: ({text}{more}){index}, margin {}>",
+            size(self.margin)
+        ))
     }
 }
 
@@ -88,7 +93,11 @@ pub(crate) struct SolutionSet {
 impl Continuum {
     fn __repr__(&self, py: Python<'_>) -> String {
         let ends = self.ends.bind(py).readonly().as_array().nrows();
-        format!("<Continuum of dimension {}: {}>", self.dimension, counted(ends, "end"))
+        format!(
+            "<Continuum of dimension {}: {}>",
+            self.dimension,
+            counted(ends, "end")
+        )
     }
 }
 
@@ -106,15 +115,24 @@ impl SolutionSet {
 
     fn __getitem__(&self, py: Python<'_>, index: isize) -> PyResult<Py<Solution>> {
         let count = self.solutions.len();
-        let at = if index < 0 { index.checked_add_unsigned(count) } else { Some(index) };
-        let found = at.and_then(|at| usize::try_from(at).ok()).and_then(|at| self.solutions.get(at));
-        let found = found.ok_or_else(|| PyIndexError::new_err(format!("there are {}", counted(count, "solution"))));
+        let at = if index < 0 {
+            index.checked_add_unsigned(count)
+        } else {
+            Some(index)
+        };
+        let found = at
+            .and_then(|at| usize::try_from(at).ok())
+            .and_then(|at| self.solutions.get(at));
+        let found =
+            found.ok_or_else(|| PyIndexError::new_err(format!("there are {}", counted(count, "solution"))));
         Ok(found?.clone_ref(py))
     }
 
     /// The solutions as a table, for notebooks.
     fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        slf.py().import("semismooth._views")?.call_method1("list_html", (slf,))
+        slf.py()
+            .import("semismooth._views")?
+            .call_method1("list_html", (slf,))
     }
 
     fn __repr__(&self) -> String {

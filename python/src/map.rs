@@ -147,8 +147,8 @@ impl NonsmoothFunction for Watched<'_> {
 
     fn piece_name(&self, site: usize, piece: usize) -> Option<Cow<'_, str>> {
         let name = self.formula.name(site)?;
-        let kinks = self.formula.nodes.iter().filter(|node| node.is_kink());
-        let words: &[&str] = match kinks.skip(site).map(|node| *node).next()? {
+        let mut kinks = self.formula.nodes.iter().filter(|node| node.is_kink());
+        let words: &[&str] = match *kinks.nth(site)? {
             Node::Abs(_) => &["positive", "negative"],
             Node::Project(..) => &["lower", "interior", "upper"],
             _ => &["first", "second"],

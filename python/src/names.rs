@@ -67,7 +67,11 @@ impl Names {
         let mut legend = Vec::new();
         for (names, labels) in sites {
             let pairs = names.iter().zip(labels);
-            legend.push(pairs.map(|(name, label)| (name.as_str(), label.as_str())).collect());
+            legend.push(
+                pairs
+                    .map(|(name, label)| (name.as_str(), label.as_str()))
+                    .collect(),
+            );
         }
         legend
     }
@@ -96,5 +100,9 @@ pub(crate) fn number(value: f64, beside: &[f64]) -> String {
 
 /// The size of an error.
 pub(crate) fn size(value: f64) -> String {
-    if value == 0.0 { "0".to_owned() } else { format!("{value:.1e}") }
+    if value == 0.0 {
+        "0".to_owned()
+    } else {
+        format!("{value:.1e}")
+    }
 }

@@ -21,14 +21,21 @@ pub(crate) fn text(nodes: &[Node], at: usize, variables: &[String]) -> Option<St
 fn bound(nodes: &[Node], at: usize, variables: &[String]) -> Option<(String, Binding)> {
     let within = |at: usize, least: Binding| {
         let (text, binding) = bound(nodes, at, variables)?;
-        Some(if binding < least { format!("({text})") } else { text })
+        Some(if binding < least {
+            format!("({text})")
+        } else {
+            text
+        })
     };
     let call = |name: &str, arguments: &[usize]| {
         let texts: Option<Vec<String>> = arguments.iter().map(|a| within(*a, Binding::Sum)).collect();
         Some((format!("{name}({})", texts?.join(", ")), Binding::Power))
     };
     let two = |a: usize, b: usize, sign: &str, binding: Binding, right: Binding| {
-        Some((format!("{}{sign}{}", within(a, binding)?, within(b, right)?), binding))
+        Some((
+            format!("{}{sign}{}", within(a, binding)?, within(b, right)?),
+            binding,
+        ))
     };
     let found = match *nodes.get(at)? {
         Node::Variable(k) => (

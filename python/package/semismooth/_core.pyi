@@ -8,6 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "__version__",
+    "_restored",
+    "_saved_classes",
+    "_state",
     "Body",
     "Branch",
     "BranchPoint",
