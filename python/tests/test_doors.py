@@ -84,3 +84,17 @@ def test_strategies_are_named_in_words(name):
     assert alone.solved and listed.solved and alone.strategy == listed.strategy
     again = ss.solve_lcp([[2.0]], [-1.0], strategies=alone.strategy)
     assert again.strategy == alone.strategy
+
+
+def test_diagrams_find_their_starts():
+    found = ss.diagram(beam, parameter_range=(0.0, 2.0))
+    assert sorted(f.parameter for f in found.folds) == pytest.approx([0.5, 1.0])
+    # A closed curve at |y| + |a| = 1 and a line, met at a = 1/2 alone.
+    island = ss.diagram(lambda x: [min(abs(x[0]) + abs(x[1]) - 1, x[0] + 3)], parameter_range=(-2.0, 2.0), sections=[0.5])
+    assert len(island.isolas) == 1 and len(island.branches) == 2
+    curved = ss.diagram(lambda x: [x[0] ** 2 - x[1]], parameter_range=(-1.0, 1.0))
+    assert [f.kind for f in curved.folds] == ["smooth"]
+    with pytest.raises(ValueError, match="starts"):
+        ss.diagram(beam)
+    with pytest.raises(ValueError, match="no solution"):
+        ss.diagram(lambda x: [x[0] ** 2 + x[1] ** 2 + 1], parameter_range=(0.0, 1.0))

@@ -577,9 +577,10 @@ class Diagram:
 
 def diagram(
     H: Callable[[Any], Any] | Map | ContactProblem | tuple[_Matrix, ArrayLike],
-    starts: ArrayLike | ContactSolution | Sequence[ContactSolution],
+    starts: ArrayLike | ContactSolution | Sequence[ContactSolution] | None = None,
     parameter_range: tuple[float, float] | None = None,
     *,
+    sections: Sequence[float] | None = None,
     jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
     pattern: _Matrix | None = None,
     lower: ArrayLike | None = None,
