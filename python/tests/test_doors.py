@@ -98,3 +98,16 @@ def test_diagrams_find_their_starts():
         ss.diagram(beam)
     with pytest.raises(ValueError, match="no solution"):
         ss.diagram(lambda x: [x[0] ** 2 + x[1] ** 2 + 1], parameter_range=(0.0, 1.0))
+
+
+def test_jumps_are_reported_where_a_run_fails():
+    jumping = ss.solve(lambda x: np.where(x > 1, x + 1, x - 2), 3.0)
+    assert not jumping.solved and "the function jumps at site 0" in jumping.message
+    kinked = ss.solve(lambda x: np.where(x > 1, x + 1, 2 * x), -3.0)
+    assert kinked.solved and "jumps" not in kinked.message
+    nowhere = ss.solve(lambda x: np.abs(x) + 1, 3.0)
+    assert not nowhere.solved and "jumps" not in nowhere.message
+    traced = ss.trace(lambda x: [np.where(x[0] > 1, x[0] + 1, 2 * x[0])], 1)
+    assert traced.check([[0.3], [1.9], [-2.0]]) == []
+    with pytest.raises(ss.SemismoothError):
+        traced.check([])
