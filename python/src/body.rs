@@ -5,7 +5,7 @@ use std::ffi::CString;
 use numpy::PyArray1;
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyTuple};
+use pyo3::types::{PyDict, PyFloat, PyList, PyString, PyTuple};
 use semismooth::UnknownName;
 use semismooth::fem::{self, ElasticSystem, Elasticity, PlaneModel};
 use semismooth::interface::LoadCase;
@@ -14,35 +14,52 @@ use crate::arrays::counted;
 use crate::errors::raised;
 use crate::fields::{Direction, Failures, Scalar};
 use crate::mesh::Mesh;
+use crate::names::number;
+use crate::saving::Made;
 
 /// A linearly elastic material: Young's modulus (a stress) and Poisson's ratio. See also :meth:`lame` and :meth:`tensor`.
-#[pyclass(frozen, module = "semismooth", from_py_object)]
-#[derive(Clone)]
+#[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Material {
     material: fem::Material,
+    pub(crate) made: Made,
 }
 
 #[pymethods]
 impl Material {
     #[new]
-    fn new(young: f64, poisson: f64) -> PyResult<Self> {
+    fn new(py: Python<'_>, young: f64, poisson: f64) -> PyResult<Self> {
         let material = fem::Material::isotropic(young, poisson).map_err(raised)?;
-        Ok(Self { material })
+        let arguments = [young, poisson].map(|v| PyFloat::new(py, v).into_any());
+        let made = Made::by(py, "new", &[&arguments[0], &arguments[1]], &[])?;
+        Ok(Self { material, made })
     }
 
     /// Lamé's constants λ and μ (stresses): μ > 0, 3λ + 2μ > 0.
     #[staticmethod]
     #[pyo3(name = "lame")]
-    fn of_lame(lambda_: f64, mu: f64) -> PyResult<Self> {
+    fn of_lame(py: Python<'_>, lambda_: f64, mu: f64) -> PyResult<Self> {
         let material = fem::Material::lame(lambda_, mu).map_err(raised)?;
-        Ok(Self { material })
+        let arguments = [lambda_, mu].map(|v| PyFloat::new(py, v).into_any());
+        let made = Made::by(py, "lame", &[&arguments[0], &arguments[1]], &[])?;
+        Ok(Self { material, made })
     }
 
     /// A general elasticity tensor, shape (3, 3, 3, 3), symmetric and positive definite: σ_ij = c_ijkl ε_kl.
     #[staticmethod]
-    fn tensor(c: [[[[f64; 3]; 3]; 3]; 3]) -> PyResult<Self> {
-        let material = fem::Material::tensor(&c).map_err(raised)?;
-        Ok(Self { material })
+    fn tensor(c: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let components: [[[[f64; 3]; 3]; 3]; 3] = c.extract()?;
+        let material = fem::Material::tensor(&components).map_err(raised)?;
+        let made = Made::by(c.py(), "tensor", &[c], &[])?;
+        Ok(Self { material, made })
+    }
+
+    fn __repr__(&self) -> String {
+        let c = self.material.components();
+        format!(
+            "<Material with c_1111 = {}, c_1212 = {}>",
+            number(c[0][0][0][0], &[]),
+            number(c[0][1][0][1], &[])
+        )
     }
 
     /// The elasticity tensor, shape (3, 3, 3, 3).
@@ -63,6 +80,7 @@ impl Material {
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Load {
     pub(crate) case: LoadCase,
+    pub(crate) made: Made,
 }
 
 #[pymethods]
@@ -73,28 +91,35 @@ impl Load {
         PyArray1::from_slice(py, self.case.forces())
     }
 
-    fn __add__(&self, other: &Self) -> PyResult<Self> {
-        let case = self.case.clone().plus(&other.case).map_err(raised)?;
-        Ok(Self { case })
+    fn __add__(slf: &Bound<'_, Self>, other: &Bound<'_, Self>) -> PyResult<Self> {
+        let case = slf.get().case.clone().plus(&other.get().case).map_err(raised)?;
+        let made = Made::from(slf, "__add__", &[other])?;
+        Ok(Self { case, made })
     }
 
-    fn __sub__(&self, other: &Self) -> PyResult<Self> {
-        let case = self.case.clone().plus(other.case.times(-1.0)).map_err(raised)?;
-        Ok(Self { case })
+    fn __sub__(slf: &Bound<'_, Self>, other: &Bound<'_, Self>) -> PyResult<Self> {
+        let case = slf
+            .get()
+            .case
+            .clone()
+            .plus(other.get().case.times(-1.0))
+            .map_err(raised)?;
+        let made = Made::from(slf, "__sub__", &[other])?;
+        Ok(Self { case, made })
     }
 
-    fn __mul__(&self, factor: f64) -> Self {
-        Self {
-            case: self.case.times(factor),
-        }
+    fn __mul__(slf: &Bound<'_, Self>, factor: f64) -> PyResult<Self> {
+        let case = slf.get().case.times(factor);
+        let made = Made::from(slf, "__mul__", &[&PyFloat::new(slf.py(), factor)])?;
+        Ok(Self { case, made })
     }
 
-    fn __rmul__(&self, factor: f64) -> Self {
-        self.__mul__(factor)
+    fn __rmul__(slf: &Bound<'_, Self>, factor: f64) -> PyResult<Self> {
+        Self::__mul__(slf, factor)
     }
 
-    fn __neg__(&self) -> Self {
-        self.__mul__(-1.0)
+    fn __neg__(slf: &Bound<'_, Self>) -> PyResult<Self> {
+        Self::__mul__(slf, -1.0)
     }
 
     fn __repr__(&self) -> String {
@@ -135,6 +160,7 @@ type Columns<'py> = (
 /// <Body of 16 cells with 48 free displacements>
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Body {
+    pub(crate) made: Made,
     pub(crate) system: ElasticSystem,
     #[pyo3(get)]
     /// The mesh.
@@ -147,12 +173,23 @@ impl Body {
     #[pyo3(signature = (mesh, material, *, supports, materials=None, plane="strain", dilatation="automatic"))]
     fn new(
         mesh: &Bound<'_, Mesh>,
-        material: &Material,
+        material: &Bound<'_, Material>,
         supports: &Bound<'_, PyDict>,
         materials: Option<&Bound<'_, PyDict>>,
         plane: &str,
         dilatation: &str,
     ) -> PyResult<Self> {
+        // Of their own, as the caller may change his.
+        let (kept, others) = (supports.copy()?, materials.map(|m| m.copy()).transpose()?);
+        let (word, volumes) = (PyString::new(mesh.py(), plane), PyString::new(mesh.py(), dilatation));
+        let options: [(&'static str, Option<&Bound<'_, PyAny>>); 4] = [
+            ("supports", Some(&kept)),
+            ("materials", others.as_ref().map(|m| m.as_any())),
+            ("plane", Some(&word)),
+            ("dilatation", Some(&volumes)),
+        ];
+        let made = Made::by(mesh.py(), "new", &[mesh, material], &options)?;
+        let material = material.get();
         let (py, dim, failures) = (mesh.py(), mesh.get().mesh.dim(), Failures::default());
         let plane = match plane {
             "strain" => PlaneModel::Strain,
@@ -169,8 +206,8 @@ impl Body {
             .map_err(|e: UnknownName| PyValueError::new_err(format!("dilatation: {e}")))?;
         let mut body = own.with_plane_model(plane).with_dilatation(dilatation);
         for (name, material) in materials.into_iter().flatten() {
-            let material: Material = material.extract()?;
-            body = body.with_material(name.extract::<String>()?, material.material);
+            let material = material.cast_into::<Material>()?;
+            body = body.with_material(name.extract::<String>()?, material.get().material.clone());
         }
         for (name, given) in supports {
             let name: String = name.extract()?;
@@ -184,6 +221,7 @@ impl Body {
             PyErr::warn(py, &py.get_type::<PyUserWarning>(), &warning, 1)?;
         }
         Ok(Self {
+            made,
             system,
             mesh: mesh.clone().unbind(),
         })
@@ -217,34 +255,40 @@ impl Body {
 
     /// The load of a traction on a group of facets: force per area (in the plane per length), a vector of shape (d,) or a function of a
     /// point that gives one.
-    fn traction(&self, py: Python<'_>, facets: &str, value: &Bound<'_, PyAny>) -> PyResult<Load> {
+    fn traction(slf: &Bound<'_, Self>, facets: &str, value: &Bound<'_, PyAny>) -> PyResult<Load> {
+        let (py, own) = (slf.py(), slf.get());
+        let made = Made::from(slf, "traction", &[&PyString::new(py, facets), value])?;
         let failures = Failures::default();
         let value = Direction::of(value, "the traction")?;
-        let value = value.function(py, self.system.mesh().dim(), "the traction", &failures)?;
-        let forces = py.detach(|| self.system.traction(facets, value));
+        let value = value.function(py, own.system.mesh().dim(), "the traction", &failures)?;
+        let forces = py.detach(|| own.system.traction(facets, value));
         let case = failures.settle(forces)?.into();
-        Ok(Load { case })
+        Ok(Load { case, made })
     }
 
     /// The load of a force per volume (in the plane per area), a vector of shape (d,) or a function of a point that gives one.
-    fn body_force(&self, py: Python<'_>, value: &Bound<'_, PyAny>) -> PyResult<Load> {
+    fn body_force(slf: &Bound<'_, Self>, value: &Bound<'_, PyAny>) -> PyResult<Load> {
+        let (py, own) = (slf.py(), slf.get());
+        let made = Made::from(slf, "body_force", &[value])?;
         let failures = Failures::default();
         let value = Direction::of(value, "the force")?;
-        let value = value.function(py, self.system.mesh().dim(), "the force", &failures)?;
-        let forces = py.detach(|| self.system.body_force(value));
+        let value = value.function(py, own.system.mesh().dim(), "the force", &failures)?;
+        let forces = py.detach(|| own.system.body_force(value));
         let case = failures.settle(forces)?.into();
-        Ok(Load { case })
+        Ok(Load { case, made })
     }
 
     /// The load of supports that move: the displacement on a group of facets, as in ``supports``, whose components must be prescribed there;
     /// all other prescribed displacements are 0. As ``rate`` of a :class:`ContactProblem` it is displacement control.
-    fn motion(&self, py: Python<'_>, facets: &str, value: &Bound<'_, PyAny>) -> PyResult<Load> {
-        let dim = self.system.mesh().dim();
+    fn motion(slf: &Bound<'_, Self>, facets: &str, value: &Bound<'_, PyAny>) -> PyResult<Load> {
+        let (py, own) = (slf.py(), slf.get());
+        let made = Made::from(slf, "motion", &[&PyString::new(py, facets), value])?;
+        let dim = own.system.mesh().dim();
         let mut sum: Option<LoadCase> = None;
         for (component, value) in components(value, dim)? {
             let failures = Failures::default();
             let value = value.function(py, dim, &failures);
-            let case = py.detach(|| self.system.motion(facets, component, value));
+            let case = py.detach(|| own.system.motion(facets, component, value));
             let case = failures.settle(case)?;
             sum = Some(match sum {
                 Some(sum) => sum.plus(case).map_err(raised)?,
@@ -252,7 +296,7 @@ impl Body {
             });
         }
         let case = sum.ok_or_else(|| PyValueError::new_err("the motion has no component"))?;
-        Ok(Load { case })
+        Ok(Load { case, made })
     }
 
     fn __repr__(&self) -> String {

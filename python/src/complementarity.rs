@@ -548,7 +548,14 @@ fn solve_equation(
             _ => Ok((x, report)),
         }
     })?;
-    McpResult::new(py, &x, &report)
+    let mut result = McpResult::new(py, &x, &report)?;
+    if let (false, Derivative::Formula(map)) = (report.status == McpStatus::Solved, &derivative) {
+        let map = map.get();
+        if let Some(jump) = py.detach(|| map.jump([&x0, &x])) {
+            result.message = format!("{}; {jump}", result.message);
+        }
+    }
+    Ok(result)
 }
 
 /// Where the path of Lemke's method ended.

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::{PyList, PyString};
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactError, FullContact, ReducedBody, ReducedContact, ReducedOptions,
 };
@@ -17,12 +18,14 @@ use crate::body::{Body, Load};
 use crate::errors::{Run, SemismoothError, raised};
 use crate::fields::{Direction, Failures, Scalar, in_space};
 use crate::laws::{Law, law};
-use crate::map::smooth;
+use crate::map::{Map, smooth};
+use crate::saving::Made;
 use crate::solution::ContactSolution;
 
 /// A rigid foundation: the gap below each contact node, and the direction in which it is measured. Made by :meth:`plane` and :meth:`gap`.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Foundation {
+    pub(crate) made: Made,
     shape: Shape,
     normal: Option<Direction>,
     tangent: Option<Direction>,
@@ -35,6 +38,16 @@ enum Shape {
 
 #[pymethods]
 impl Foundation {
+    fn __repr__(&self) -> String {
+        match &self.shape {
+            Shape::Plane { point, normal } => {
+                format!("<Foundation: plane through {point:?} with normal {normal:?}>")
+            }
+            Shape::Gap(Scalar::Constant(gap)) => format!("<Foundation at distance {gap:?}>"),
+            Shape::Gap(Scalar::Called(_)) => "<Foundation at a distance given by a function>".to_owned(),
+        }
+    }
+
     /// The half-space below the plane through ``point``, shape (d,), with the normal ``normal``, shape (d,), which points to the body.
     #[staticmethod]
     #[pyo3(signature = (point, normal, *, tangent=None))]
@@ -43,7 +56,9 @@ impl Foundation {
         normal: &Bound<'_, PyAny>,
         tangent: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let made = Made::by(point.py(), "plane", &[point, normal], &[("tangent", tangent)])?;
         Ok(Self {
+            made,
             shape: Shape::Plane {
                 point: vector(point, "point")?,
                 normal: vector(normal, "normal")?,
@@ -63,7 +78,10 @@ impl Foundation {
         normal: Option<&Bound<'_, PyAny>>,
         tangent: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let options = [("normal", normal), ("tangent", tangent)];
+        let made = Made::by(gap.py(), "gap", &[gap], &options)?;
         Ok(Self {
+            made,
             shape: Shape::Gap(Scalar::of(gap, "gap")?),
             normal: normal.map(|n| Direction::of(n, "normal")).transpose()?,
             tangent: tangent.map(|t| Direction::of(t, "tangent")).transpose()?,
@@ -284,6 +302,7 @@ impl Form {
 /// ((0, 7, 2), 0.049168)
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct ContactProblem {
+    pub(crate) made: Made,
     pub(crate) route: Route,
     pub(crate) rows: Arc<ContactRows>,
     /// The body.
@@ -304,13 +323,34 @@ impl ContactProblem {
         facets: &str,
         foundation: &Bound<'_, PyAny>,
         friction: Option<&Bound<'_, PyAny>>,
-        load: Option<&Load>,
-        rate: Option<&Load>,
+        load: Option<&Bound<'_, Load>>,
+        rate: Option<&Bound<'_, Load>>,
         paths: Option<Vec<(Bound<'_, Load>, Bound<'_, PyAny>)>>,
         form: &str,
         multipliers: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let (py, system) = (body.py(), &body.get().system);
+        let paths = amplitudes(py, paths.unwrap_or_default())?;
+        let none = py.None().into_bound(py);
+        let (group, word, list) = (
+            PyString::new(py, facets),
+            PyString::new(py, form),
+            PyList::new(py, &paths)?,
+        );
+        let options: [(&'static str, Option<&Bound<'_, PyAny>>); 5] = [
+            ("load", load.map(|l| l.as_any())),
+            ("rate", rate.map(|l| l.as_any())),
+            ("paths", Some(&list)),
+            ("form", Some(&word)),
+            ("multipliers", multipliers),
+        ];
+        let made = Made::by(
+            py,
+            "new",
+            &[body, &group, foundation, friction.unwrap_or(&none)],
+            &options,
+        )?;
+        let (load, rate) = (load.map(|l| l.get()), rate.map(|l| l.get()));
         let (dim, failures) = (system.mesh().dim(), Failures::default());
         let opposite = Opposite::of(foundation, dim, &failures)?;
         let between = matches!(opposite, Opposite::Boundary(..));
@@ -320,7 +360,6 @@ impl ContactProblem {
             ));
         }
         let multipliers = self::multipliers(multipliers)?;
-        let paths = paths.unwrap_or_default();
         let cases: Vec<LoadCase> = paths.iter().map(|(load, _)| load.get().case.clone()).collect();
         let path = load_path(body, load, rate, paths)?;
         let large = system.num_free() > if dim == 2 { PLANE } else { SOLID };
@@ -358,6 +397,7 @@ impl ContactProblem {
             })))
         });
         Ok(Self {
+            made,
             route: route.map_err(|e| match e {
                 SetupError::Body(e) => raised(e),
                 SetupError::Contact(e) => raised(e),
@@ -370,33 +410,36 @@ impl ContactProblem {
     }
 
     /// The problem with a second parameter β, after α in x: the load is f(α) + β ``load``. For :func:`transition_set`.
-    fn with_second_parameter(&self, py: Python<'_>, load: &Load) -> PyResult<Self> {
-        let form = match self.form()? {
+    fn with_second_parameter(slf: &Bound<'_, Self>, load: &Bound<'_, Load>) -> PyResult<Self> {
+        let (own, made) = (slf.get(), Made::from(slf, "with_second_parameter", &[load])?);
+        let load = load.get();
+        let form = match own.form()? {
             Form::Condensed(p) => p
-                .with_second_parameter(&load.case, self.law.clone())
+                .with_second_parameter(&load.case, own.law.clone())
                 .map(Form::Condensed),
             Form::Full(p) => p
-                .with_second_parameter(&load.case, self.law.clone())
+                .with_second_parameter(&load.case, own.law.clone())
                 .map(Form::Full),
         };
         Ok(Self {
+            made,
             route: Route::Mapped(Box::new(form.map_err(raised)?)),
-            rows: self.rows.clone(),
-            body: self.body.clone_ref(py),
-            law: self.law.clone(),
+            rows: own.rows.clone(),
+            body: own.body.clone_ref(slf.py()),
+            law: own.law.clone(),
             parameters: 2,
         })
     }
 
     /// Number p of contact nodes.
     #[getter]
-    fn num_contacts(&self) -> usize {
+    pub(crate) fn num_contacts(&self) -> usize {
         self.rows.nodes.len()
     }
 
     /// Number of entries of x, its one or two parameters included.
     #[getter]
-    fn num_vars(&self) -> usize {
+    pub(crate) fn num_vars(&self) -> usize {
         match &self.route {
             Route::Mapped(form) => form.map().num_vars(),
             Route::Reduced(_) => self.num_displacements() + self.dim() * self.num_contacts() + 1,
@@ -624,11 +667,24 @@ impl ContactProblem {
     }
 }
 
+/// Loads with their amplitudes as formulas.
+fn amplitudes<'py>(
+    py: Python<'py>,
+    paths: Vec<(Bound<'py, Load>, Bound<'py, PyAny>)>,
+) -> PyResult<Vec<(Bound<'py, Load>, Py<Map>)>> {
+    let of_one = py.import("semismooth._functions")?.getattr("of_one")?;
+    let formula = |(load, amplitude)| {
+        let wrapped = of_one.call1((amplitude,))?;
+        Ok((load, smooth(&wrapped, 1, "an amplitude")?))
+    };
+    paths.into_iter().map(formula).collect()
+}
+
 fn load_path(
     body: &Bound<'_, Body>,
     load: Option<&Load>,
     rate: Option<&Load>,
-    paths: Vec<(Bound<'_, Load>, Bound<'_, PyAny>)>,
+    paths: Vec<(Bound<'_, Load>, Py<Map>)>,
 ) -> PyResult<LoadPath> {
     let system = &body.get().system;
     let mut constant = system.supports().clone();
@@ -642,15 +698,8 @@ fn load_path(
     if paths.is_empty() {
         return Ok(LoadPath::affine(constant, slope));
     }
-    let mut amplitudes = Vec::new();
-    for (_, amplitude) in &paths {
-        let wrapped = body
-            .py()
-            .import("semismooth._functions")?
-            .call_method1("of_one", (amplitude,))?;
-        amplitudes.push(smooth(&wrapped, 1, "an amplitude")?);
-    }
-    let cases = std::iter::once(slope).chain(paths.iter().map(|(load, _)| load.get().case.clone()));
+    let (loads, amplitudes): (Vec<_>, Vec<_>) = paths.into_iter().unzip();
+    let cases = std::iter::once(slope).chain(loads.iter().map(|load| load.get().case.clone()));
     let at = move |alpha: f64, value: &mut [f64], rate: &mut [f64]| {
         (value[0], rate[0]) = (alpha, 1.0);
         for (k, amplitude) in amplitudes.iter().enumerate() {

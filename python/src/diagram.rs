@@ -197,7 +197,16 @@ impl Diagram {
     #[getter]
     fn folds(&self, py: Python<'_>) -> Vec<Fold> {
         let folds = self.found.folds();
-        let kind = |f: &core::DiagramFold| if f.vertex.is_some() { "kink" } else { "smooth" };
+        // A start that was given at a smooth fold is a vertex, too: the pieces on its arms are the same.
+        let changes = |vertex: &core::DiagramVertex| {
+            let mut selections = vertex.arms.iter().map(|a| &a.arm.selection);
+            let first = selections.next();
+            selections.any(|other| Some(other) != first)
+        };
+        let kind = |f: &core::DiagramFold| match f.vertex.and_then(|v| self.found.vertices().get(v)) {
+            Some(vertex) if changes(vertex) => "kink",
+            _ => "smooth",
+        };
         folds.iter().map(|f| Fold::new(py, &f.x, kind(f), None)).collect()
     }
 
@@ -372,8 +381,11 @@ fn between(
 ///     As for :func:`follow`.
 /// starts : array of shape (k, n + 1) or (n + 1,), or ContactSolution or list of them
 ///     One point or several; points (y, parameter), corrected onto the curve at their parameter.
+///     Unless given, all solutions at ``sections`` that :func:`all_solutions` finds.
 /// parameter_range : (float, float), optional
 ///     Where curves end.
+/// sections : list of float, optional
+///     Parameters at which starts are sought where none are given; the ends and the middle of ``parameter_range`` unless given.
 /// monitors : dict of name and callable or Map, optional
 ///     Real functions of x; where one changes its sign along an edge the zero is located and listed in ``crossings``.
 /// callback : callable, optional
@@ -398,14 +410,15 @@ fn between(
 /// ('nothing else was found within the bounds', [-0.5, 0.0, 0.5])
 #[pyfunction]
 #[pyo3(signature = (
-    H, starts, parameter_range=None, *, jac=None, pattern=None, lower=None, upper=None, monitors=None,
+    H, starts=None, parameter_range=None, *, sections=None, jac=None, pattern=None, lower=None, upper=None, monitors=None,
     callback=None, max_edges=None, max_points=None, same_point=None, names=None, **options
 ))]
 fn diagram(
     py: Python<'_>,
     H: &Bound<'_, PyAny>,
-    starts: &Bound<'_, PyAny>,
+    starts: Option<&Bound<'_, PyAny>>,
     parameter_range: Option<(f64, f64)>,
+    sections: Option<Vec<f64>>,
     jac: Option<&Bound<'_, PyAny>>,
     pattern: Option<&Bound<'_, PyAny>>,
     lower: Option<&Bound<'_, PyAny>>,
@@ -418,6 +431,23 @@ fn diagram(
     names: Option<Vec<String>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Diagram> {
+    let alone = jac.is_none() && lower.is_none() && upper.is_none();
+    let found;
+    let (H, starts) = match (starts, alone) {
+        (Some(starts), _) => (H.clone(), starts.clone()),
+        (None, false) => {
+            return Err(PyValueError::new_err(
+                "a diagram of a function with bounds or with jac needs starts",
+            ));
+        }
+        (None, true) => {
+            found = py
+                .import("semismooth._arrays")?
+                .getattr("solutions_at_sections")?;
+            found.call1((H, parameter_range, sections))?.extract()?
+        }
+    };
+    let (H, starts) = (&H, &starts);
     let starts = match starts.extract::<Vec<f64>>().is_ok_and(|one| !one.is_empty())
         || starts.is_instance_of::<ContactSolution>()
     {

@@ -4,14 +4,16 @@ use std::sync::Arc;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyFloat, PyTuple};
 use semismooth::contact::{
     self, FrictionCoefficient, FrictionCurve, Frictionless, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
 };
 
-use crate::arrays::vector;
+use crate::arrays::{counted, vector};
 use crate::errors::raised;
 use crate::map::smooth;
+use crate::names::number;
+use crate::saving::Made;
 
 pub(crate) type Law = Arc<dyn NodeLaw + Send + Sync>;
 
@@ -20,14 +22,16 @@ pub(crate) type Law = Arc<dyn NodeLaw + Send + Sync>;
 /// See :meth:`table`, :meth:`exponential` and :meth:`function` for coefficients that depend on the slip ‖u_t‖, and :meth:`scaled`.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Friction {
+    pub(crate) made: Made,
     coefficient: FrictionCoefficient,
     /// F as a function of the slip, where it depends on nothing else.
     curve: Option<FrictionCurve>,
 }
 
 impl Friction {
-    fn of(curve: FrictionCurve) -> Self {
+    fn of(curve: FrictionCurve, made: Made) -> Self {
         Self {
+            made,
             coefficient: FrictionCoefficient::uniform(curve.clone()),
             curve: Some(curve),
         }
@@ -47,16 +51,18 @@ impl Friction {
     #[new]
     #[pyo3(signature = (value, rate=None))]
     fn new(value: &Bound<'_, PyAny>, rate: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let made = Made::by(value.py(), "new", &[value], &[("rate", rate)])?;
         let (constant, slope) = (value.extract::<f64>(), rate.map(|r| r.extract::<f64>()));
         let affine = match (constant, slope) {
             (Ok(constant), None) => {
-                return Ok(Self::of(FrictionCurve::constant(constant).map_err(raised)?));
+                return Ok(Self::of(FrictionCurve::constant(constant).map_err(raised)?, made));
             }
             (Ok(constant), Some(Ok(slope))) => {
                 let coefficient =
                     FrictionCoefficient::of_parameter(move |_, a| [constant + a * slope, slope]);
                 return match constant.is_finite() && slope.is_finite() {
                     true => Ok(Self {
+                        made,
                         coefficient,
                         curve: None,
                     }),
@@ -80,6 +86,7 @@ impl Friction {
             }
         };
         Ok(Self {
+            made,
             coefficient: affine.map_err(raised)?,
             curve: None,
         })
@@ -89,6 +96,7 @@ impl Friction {
     /// outside (Fritsch and Carlson 1980).
     #[staticmethod]
     fn table(slips: &Bound<'_, PyAny>, values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let made = Made::by(slips.py(), "table", &[slips, values], &[])?;
         let (slips, values) = (vector(slips, "slips")?, vector(values, "values")?);
         if slips.len() != values.len() {
             return Err(PyValueError::new_err(format!(
@@ -98,15 +106,16 @@ impl Friction {
             )));
         }
         let points: Vec<_> = slips.into_iter().zip(values).collect();
-        Ok(Self::of(FrictionCurve::table(&points).map_err(raised)?))
+        Ok(Self::of(FrictionCurve::table(&points).map_err(raised)?, made))
     }
 
     /// last + (first − last) exp(−slip / length).
     #[staticmethod]
-    fn exponential(first: f64, last: f64, length: f64) -> PyResult<Self> {
-        Ok(Self::of(
-            FrictionCurve::exponential(first, last, length).map_err(raised)?,
-        ))
+    fn exponential(py: Python<'_>, first: f64, last: f64, length: f64) -> PyResult<Self> {
+        let [a, b, c] = [first, last, length].map(|v| PyFloat::new(py, v).into_any());
+        let made = Made::by(py, "exponential", &[&a, &b, &c], &[])?;
+        let curve = FrictionCurve::exponential(first, last, length).map_err(raised)?;
+        Ok(Self::of(curve, made))
     }
 
     /// Any smooth coefficient: ``function(slip, parameter)``, traced (see :func:`trace`), without kinks, for slips ≥ 0.
@@ -117,27 +126,41 @@ impl Friction {
             .import("semismooth._functions")?
             .call_method1("of_two", (function,))?;
         let map = smooth(&wrapped, 2, "the coefficient of friction")?;
+        // The formula, which can be saved where the function cannot.
+        let made = Made::by(py, "function", &[map.bind(py)], &[])?;
         let coefficient = FrictionCoefficient::function(move |_, slip, alpha| {
             let (value, gradient) = map.get().value_and_gradient(&[slip, alpha]);
             [value, gradient[0], gradient[1]]
         });
         Ok(Self {
+            made,
             coefficient,
             curve: None,
         })
     }
 
     /// The coefficient times the parameter, for one that depends on the slip alone or is constant: α F(‖u_t‖).
-    fn scaled(&self) -> PyResult<Self> {
-        let curve = self.curve.clone().ok_or_else(|| {
+    fn scaled(slf: &Bound<'_, Self>) -> PyResult<Self> {
+        let curve = slf.get().curve.clone().ok_or_else(|| {
             PyValueError::new_err(
                 "only a coefficient that depends on the slip alone can be scaled by the parameter",
             )
         })?;
         Ok(Self {
+            made: Made::from(slf, "scaled", &[])?,
             coefficient: FrictionCoefficient::scaled(curve),
             curve: None,
         })
+    }
+
+    fn __repr__(&self) -> String {
+        let value = number(self.coefficient.value(0, 0.0, 0.0)[0], &[]);
+        let law = if self.curve.is_some() {
+            ""
+        } else {
+            " of the first node, at parameter 0.0"
+        };
+        format!("<Friction: {value} without slip{law}>")
     }
 
     /// F at a slip and a parameter, of a contact node.
@@ -156,6 +179,7 @@ impl Friction {
 ///     At least 0.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct GivenBound {
+    pub(crate) made: Made,
     bounds: Vec<f64>,
     /// Whether there is one number for all nodes.
     uniform: bool,
@@ -163,14 +187,24 @@ pub(crate) struct GivenBound {
 
 #[pymethods]
 impl GivenBound {
+    fn __repr__(&self) -> String {
+        match self.bounds[..] {
+            [bound] if self.uniform => format!("<GivenBound: {bound:?}>"),
+            _ => format!("<GivenBound of {}>", counted(self.bounds.len(), "node")),
+        }
+    }
+
     #[new]
     fn new(bound: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let made = Made::by(bound.py(), "new", &[bound], &[])?;
         Ok(match bound.extract::<f64>() {
             Ok(bound) => Self {
+                made,
                 bounds: vec![bound],
                 uniform: true,
             },
             Err(_) => Self {
+                made,
                 bounds: vector(bound, "the bound of friction")?,
                 uniform: false,
             },

@@ -8,15 +8,19 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use semismooth::complementarity::McpFunction;
+use semismooth::piecewise::check::{CheckError, CheckOptions, FindingKind, check};
 use semismooth::piecewise::{self, Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Traced};
 use semismooth::sparse::{Matrix, Pattern};
 
 use crate::arrays::{counted, dense, names, vector};
-use crate::errors::Run;
+use crate::errors::{Run, raised};
 use crate::expressions::{Expression, Node, Operand, Page, Smooth, Writing, write};
 use crate::saving::{data, data_of, state_of};
 use crate::structure::{Structure, structure};
 use crate::text::text;
+
+/// Variables and sites up to which a failed run looks for jumps.
+const EXAMINED: usize = 100;
 
 /// A formula: the nodes that its values need, in an order in which each comes after its arguments.
 pub(crate) struct Formula {
@@ -147,8 +151,8 @@ impl NonsmoothFunction for Watched<'_> {
 
     fn piece_name(&self, site: usize, piece: usize) -> Option<Cow<'_, str>> {
         let name = self.formula.name(site)?;
-        let kinks = self.formula.nodes.iter().filter(|node| node.is_kink());
-        let words: &[&str] = match kinks.skip(site).map(|node| *node).next()? {
+        let mut kinks = self.formula.nodes.iter().filter(|node| node.is_kink());
+        let words: &[&str] = match *kinks.nth(site)? {
             Node::Abs(_) => &["positive", "negative"],
             Node::Project(..) => &["lower", "interior", "upper"],
             _ => &["first", "second"],
@@ -205,6 +209,41 @@ impl Map {
     /// The map.
     pub(crate) fn own(&self) -> &Traced<Watched<'static>> {
         &self.own
+    }
+
+    /// A jump found between two points and around them, in a sentence; small maps alone are examined.
+    pub(crate) fn jump(&self, ends: [&[f64]; 2]) -> Option<String> {
+        let (m, sites) = (self.formula.variables, self.num_sites());
+        if sites == 0 || m.max(sites) > EXAMINED {
+            return None;
+        }
+        let size = ends
+            .iter()
+            .flat_map(|x| x.iter())
+            .fold(0.0, |s: f64, v| s.max(v.abs()));
+        let size = if size > 0.0 { size } else { 1.0 };
+        let mut samples = Vec::new();
+        for x in ends {
+            for shift in [-0.5, -0.05, 0.03, 0.3] {
+                // Another multiple in each direction, so that no sample lies on a kink by symmetry.
+                let moved = x
+                    .iter()
+                    .enumerate()
+                    .map(|(k, v)| v + shift * size * (1.0 + 0.1 * ((k % 7) as f64)));
+                samples.push(moved.collect());
+            }
+        }
+        match check(&self.own, &samples, &CheckOptions::default()) {
+            Err(CheckError::Findings(found)) => {
+                let jump = found.iter().find(|f| f.kind == FindingKind::Discontinuity)?;
+                let name = jump.site.as_ref().map_or("a kink", |(_, name)| name.as_str());
+                let (a, b) = (jump.expected, jump.found);
+                Some(format!(
+                    "the function jumps at {name}: its two formulas give {a:.3e} and {b:.3e} there"
+                ))
+            }
+            _ => None,
+        }
     }
 
     /// What legends call a piece: its formula, after the name of the site if it has one.
@@ -338,6 +377,24 @@ impl Map {
     /// The piece of each site at x, by name.
     fn pieces(&self, x: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
         Ok(names(&self.own, &piecewise::select(&self.own, &self.point(x)?)))
+    }
+
+    /// What is wrong with the map, tested at points, shape (k, m), and at the kinks between them: a list of sentences, empty where nothing was
+    /// found. A ``where`` whose two formulas do not agree at the kink is a "jump between active selections".
+    ///
+    /// >>> import numpy as np, semismooth as ss
+    /// >>> jumps = ss.trace(lambda x: [np.where(x[0] > 0, x[0] + 1, x[0])], 1)
+    /// >>> [text.partition(" at ")[0] for text in jumps.check([[-0.5], [0.7]])]
+    /// ['jump between active selections']
+    fn check(&self, py: Python<'_>, points: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+        let samples: Vec<Vec<f64>> = (points.try_iter()?)
+            .map(|point| self.point(&point?))
+            .collect::<PyResult<_>>()?;
+        match py.detach(|| check(&self.own, &samples, &CheckOptions::default())) {
+            Ok(_) => Ok(Vec::new()),
+            Err(CheckError::Findings(found)) => Ok(found.iter().map(ToString::to_string).collect()),
+            Err(other) => Err(raised(other)),
+        }
     }
 
     fn __repr__(&self) -> String {

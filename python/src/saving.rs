@@ -2,19 +2,23 @@
 
 use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::arrays::python;
+use crate::body::{Body, Load, Material};
 use crate::complementarity::{Lcp, LemkeResult, McpResult};
+use crate::contact::{ContactProblem, Foundation};
 use crate::continuation::Branch;
 use crate::diagram::{Diagram, Edge, Vertex};
 use crate::events::{BranchPoint, Crossing, Fold, Transition};
 use crate::friction::FrictionResult;
+use crate::laws::{Friction, GivenBound};
 use crate::lists::{Continuum, Solution, SolutionSet};
 use crate::map::Map;
 use crate::mesh::Mesh;
+use crate::solution::{ContactSolution, EvolutionStep};
 use crate::transition_set::{CharacterChange, TransitionCurve};
 use crate::variational::{ConeResult, ViResult};
 
@@ -57,6 +61,125 @@ pub(crate) fn data_of<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<
     python(py, value)
 }
 
+/// How an object was made, for those that are made again: by a class or by a method of an object.
+pub(crate) struct Made {
+    how: &'static str,
+    of: Option<Py<PyAny>>,
+    arguments: Py<PyTuple>,
+    options: Py<PyDict>,
+}
+
+/// An argument by name, `None` where it was left out.
+type Named<'a, 'py> = (&'static str, Option<&'a Bound<'py, PyAny>>);
+
+impl Made {
+    /// By a class ("new") or one of its functions.
+    pub(crate) fn by<'py>(
+        py: Python<'py>,
+        how: &'static str,
+        arguments: &[&Bound<'py, PyAny>],
+        options: &[Named<'_, 'py>],
+    ) -> PyResult<Self> {
+        let named = PyDict::new(py);
+        for (name, value) in options {
+            named.set_item(name, *value)?;
+        }
+        Ok(Self {
+            how,
+            of: None,
+            arguments: PyTuple::new(py, arguments)?.unbind(),
+            options: named.unbind(),
+        })
+    }
+
+    /// By a method of an object.
+    pub(crate) fn from<'py>(
+        object: &Bound<'py, PyAny>,
+        how: &'static str,
+        arguments: &[&Bound<'py, PyAny>],
+    ) -> PyResult<Self> {
+        let made = Self::by(object.py(), how, arguments, &[])?;
+        Ok(Self {
+            of: Some(object.clone().unbind()),
+            ..made
+        })
+    }
+
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let state = PyDict::new(py);
+        state.set_item("how", self.how)?;
+        state.set_item("of", &self.of)?;
+        state.set_item("arguments", &self.arguments)?;
+        state.set_item("options", &self.options)?;
+        Ok(state)
+    }
+}
+
+/// Methods that make objects: a file says no others.
+const MAKERS: [&str; 17] = [
+    "new",
+    "plane",
+    "gap",
+    "lame",
+    "tensor",
+    "table",
+    "exponential",
+    "function",
+    "scaled",
+    "traction",
+    "body_force",
+    "motion",
+    "with_second_parameter",
+    "__add__",
+    "__sub__",
+    "__mul__",
+    "__neg__",
+];
+
+fn remade<'py>(py: Python<'py>, class: &str, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+    let (how, of): (String, Option<Bound<'py, PyAny>>) = (field(state, "how")?, field(state, "of")?);
+    if !MAKERS.contains(&how.as_str()) {
+        return Err(PyValueError::new_err(format!("no object is made by \"{how}\"")));
+    }
+    let maker = match of {
+        Some(object) => object,
+        None => py.import("semismooth._core")?.getattr(class)?,
+    };
+    let maker = if how == "new" {
+        maker
+    } else {
+        maker.getattr(how.as_str())?
+    };
+    let (arguments, options): (Bound<'py, PyTuple>, Bound<'py, PyDict>) =
+        (field(state, "arguments")?, field(state, "options")?);
+    maker.call(arguments, Some(&options))
+}
+
+/// The classes whose objects are made again.
+macro_rules! made {
+    ($($class:ident),*) => {$(
+        impl $class {
+            fn state<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+                slf.get().made.state(slf.py())
+            }
+
+            fn restored<'py>(py: Python<'py>, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+                remade(py, stringify!($class), state)
+            }
+        }
+    )*};
+}
+
+made!(
+    Material,
+    Load,
+    Body,
+    Foundation,
+    Friction,
+    GivenBound,
+    ContactProblem
+);
+
 /// The classes all of whose data are attributes.
 macro_rules! plain {
     ($($class:ident { $($field:ident),* $(,)? })*) => {
@@ -97,6 +220,7 @@ plain! {
     CharacterChange { x, folds_before }
     TransitionCurve { branch, folds, character_changes }
     Vertex { x, parameter, kind, edges, complete, is_start }
+    EvolutionStep { level, solution, folds, transitions, arrival, work, stored, dissipated, returned, history }
     Edge { points, tangents, pieces, ends, det_signs, point_det_signs, smooth_folds, vertical, arclength }
 }
 
@@ -121,7 +245,22 @@ macro_rules! own {
     };
 }
 
-own!(Branch, Transition, Diagram, Map, Lcp, Mesh);
+own!(
+    Branch,
+    Transition,
+    Diagram,
+    Map,
+    Lcp,
+    Mesh,
+    Material,
+    Load,
+    Body,
+    Foundation,
+    Friction,
+    GivenBound,
+    ContactProblem,
+    ContactSolution
+);
 
 /// The names of all classes whose objects can be saved.
 #[pyfunction]
@@ -142,6 +281,7 @@ fn _saved_classes() -> Vec<&'static str> {
         "TransitionCurve",
         "Vertex",
         "Edge",
+        "EvolutionStep",
     ];
     plain.iter().chain(OWN).copied().collect()
 }

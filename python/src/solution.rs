@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use semismooth::contact::{
@@ -14,6 +15,7 @@ use crate::arrays::{python, rows, vector};
 use crate::contact::{ContactProblem, Form, Reduced, Route, begun, of_form, point};
 use crate::errors::{Run, raised};
 use crate::names::number;
+use crate::saving::{data, data_of, field, state_of};
 
 /// A solution of a contact problem, node by node. Forces are nodal forces: divided by :attr:`ContactProblem.areas` they are pressures.
 #[pyclass(frozen, module = "semismooth")]
@@ -32,6 +34,32 @@ pub(crate) struct ContactSolution {
 }
 
 impl ContactSolution {
+    pub(crate) fn state<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (py, own) = (slf.py(), slf.get());
+        state_of(
+            py,
+            &[
+                ("problem", own.problem.bind(py).clone().into_any()),
+                ("x", data_of(py, &own.x)?),
+                ("solution", data_of(py, &own.solution)?),
+                ("strategy", data_of(py, &own.strategy)?),
+            ],
+        )
+    }
+
+    pub(crate) fn restored<'py>(py: Python<'py>, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+        let problem: Bound<'py, ContactProblem> = field(state, "problem")?;
+        let (x, solution): (Vec<f64>, contact::ContactSolution) =
+            (data(state, "x")?, data(state, "solution")?);
+        if x.len() != problem.get().num_vars() || solution.nodes.len() != problem.get().num_contacts() {
+            return Err(PyValueError::new_err(
+                "the saved solution does not belong to its problem",
+            ));
+        }
+        let own = Self::with(&problem, x, solution, data(state, "strategy")?)?;
+        Ok(Bound::new(py, own)?.into_any())
+    }
+
     pub(crate) fn at(
         problem: &Bound<'_, ContactProblem>,
         x: Vec<f64>,
@@ -230,29 +258,29 @@ impl ContactSolution {
 #[pyclass(frozen, get_all, module = "semismooth")]
 pub(crate) struct EvolutionStep {
     /// The parameter.
-    level: f64,
+    pub(crate) level: f64,
     /// The solution; slips are the increments since the level before.
-    solution: Py<ContactSolution>,
+    pub(crate) solution: Py<ContactSolution>,
     /// Parameters of the folds on the curve from the level before; near a fold solutions are not unique.
-    folds: Vec<f64>,
+    pub(crate) folds: Vec<f64>,
     /// Number of transitions (points where nodes change their state) on the curve from the level before. In reduced form, number of nodes
     /// whose state differs from that at the level before.
-    transitions: usize,
+    pub(crate) transitions: usize,
     /// How the level was reached: "followed" (along the curve from the level before), "jumped" (the curve turns back, another solution was
     /// found), "passed folds" (the curve reaches the level after folds, the solution may lie elsewhere), "same level" (as that before), or
     /// "ended: ..." and "not followed: ..." with the reason; "solved" in reduced form, where curves are not followed.
-    arrival: String,
+    pub(crate) arrival: String,
     /// Work of the loads and of moving supports in this step; NaN in reduced form.
-    work: f64,
+    pub(crate) work: f64,
     /// Change of the elastic energy.
-    stored: f64,
+    pub(crate) stored: f64,
     /// Energy dissipated by friction; work = stored + dissipated where the level was followed. In reduced form, from the forces at its end.
-    dissipated: f64,
+    pub(crate) dissipated: f64,
     /// Work returned by friction at nodes that reverse their slip within the step, ≥ 0: where it is not small compared with ``dissipated``,
     /// levels are too far apart. NaN in reduced form.
-    returned: f64,
+    pub(crate) returned: f64,
     /// History variables of the law at each node, shape (p, h): the slip accumulated over all levels, where friction depends on it.
-    history: Py<PyArray2<f64>>,
+    pub(crate) history: Py<PyArray2<f64>>,
 }
 
 #[pymethods]

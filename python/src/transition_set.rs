@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use semismooth::continuation::{BranchVertex, ContinuationOptions, TransitionSet};
 
+use crate::arrays::counted;
 use crate::contact::point;
 use crate::continuation::{Branch, EVERYWHERE, Problem, Travel};
 use crate::errors::{Run, raised};
@@ -18,6 +19,25 @@ pub(crate) struct CharacterChange {
     pub(crate) x: Py<PyArray1<f64>>,
     /// Whether the transitions before it, in the direction of travel, are folds.
     pub(crate) folds_before: bool,
+}
+
+#[pymethods]
+impl CharacterChange {
+    fn __repr__(&self) -> &'static str {
+        match self.folds_before {
+            true => "<CharacterChange: from folds to pass-throughs>",
+            false => "<CharacterChange: from pass-throughs to folds>",
+        }
+    }
+}
+
+#[pymethods]
+impl TransitionCurve {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let points = counted(self.branch.bind(py).len()?, "point");
+        let changes = counted(self.character_changes.len(), "change");
+        Ok(format!("<TransitionCurve: {points}, {changes} of character>"))
+    }
 }
 
 /// A transition as a curve in a second parameter.

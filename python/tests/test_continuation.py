@@ -461,7 +461,7 @@ def test_pictures_dash_negative_determinants_and_mark_events():
     lines = [line for line in ax.lines if line.get_linestyle() in ("-", "--") and len(line.get_xdata())]
     assert [line.get_linestyle() for line in lines] == ["-", "--", "-"]
     np.testing.assert_allclose([lines[1].get_xydata()[0], lines[1].get_xydata()[-1]], [[1.0, 2.0], [0.5, 6.0]], atol=1e-12)
-    pieces = ["second, second", "first, second", "first, first"]
+    pieces = ["0, 0", "x[0] − 1, 0", "x[0] − 1, x[0] − 3"]
     assert ax.get_legend_handles_labels()[1] == [*pieces, "fold", "start", "det < 0"] and ax.get_xlabel() == "parameter"
     assert {line.get_color() for line in branch.plot(ax=pyplot.figure().add_subplot(), color="green").lines[:3]} == {"green"}
     diagram = ss.diagram(lambda x: [x[0] ** 3 - x[1] * x[0]], [[0.0, -0.5]], (-1.0, 1.0))

@@ -84,3 +84,30 @@ def test_strategies_are_named_in_words(name):
     assert alone.solved and listed.solved and alone.strategy == listed.strategy
     again = ss.solve_lcp([[2.0]], [-1.0], strategies=alone.strategy)
     assert again.strategy == alone.strategy
+
+
+def test_diagrams_find_their_starts():
+    found = ss.diagram(beam, parameter_range=(0.0, 2.0))
+    assert sorted(f.parameter for f in found.folds) == pytest.approx([0.5, 1.0])
+    # A closed curve at |y| + |a| = 1 and a line, met at a = 1/2 alone.
+    island = ss.diagram(lambda x: [min(abs(x[0]) + abs(x[1]) - 1, x[0] + 3)], parameter_range=(-2.0, 2.0), sections=[0.5])
+    assert len(island.isolas) == 1 and len(island.branches) == 2
+    curved = ss.diagram(lambda x: [x[0] ** 2 - x[1]], parameter_range=(-1.0, 1.0))
+    assert [f.kind for f in curved.folds] == ["smooth"]
+    with pytest.raises(ValueError, match="starts"):
+        ss.diagram(beam)
+    with pytest.raises(ValueError, match="no solution"):
+        ss.diagram(lambda x: [x[0] ** 2 + x[1] ** 2 + 1], parameter_range=(0.0, 1.0))
+
+
+def test_jumps_are_reported_where_a_run_fails():
+    jumping = ss.solve(lambda x: np.where(x > 1, x + 1, x - 2), 3.0)
+    assert not jumping.solved and "the function jumps at site 0" in jumping.message
+    kinked = ss.solve(lambda x: np.where(x > 1, x + 1, 2 * x), -3.0)
+    assert kinked.solved and "jumps" not in kinked.message
+    nowhere = ss.solve(lambda x: np.abs(x) + 1, 3.0)
+    assert not nowhere.solved and "jumps" not in nowhere.message
+    traced = ss.trace(lambda x: [np.where(x[0] > 1, x[0] + 1, 2 * x[0])], 1)
+    assert traced.check([[0.3], [1.9], [-2.0]]) == []
+    with pytest.raises(ss.SemismoothError):
+        traced.check([])

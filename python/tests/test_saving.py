@@ -41,6 +41,36 @@ def made():
         ss.Mesh.rectangle([0, 0], [2, 1], [2, 1]),
         ss.transition_set(lambda x: [x[0] + ss.maximum(x[0], 0) - x[1] - x[2]], [0.0, 0.0, 0.0], 0, parameter_range=(0.0, 1.0)),
     ]
+    mesh = ss.Mesh.rectangle([0, 0], [2, 1], [4, 2])
+    body = ss.Body(mesh, ss.Material(1.0, 0.3), supports={"top": [0.0, -0.02]}, materials={})
+    rate = body.motion("top", [0.05, None])
+    friction = ss.Friction.function(lambda slip, parameter: 0.4 * np.exp(-slip))
+    problem = ss.ContactProblem(
+        body, "bottom", ss.Foundation.plane([0, 0], [0, 1]), friction, rate=rate, paths=[(0.5 * rate - rate, lambda a: a**2)]
+    )
+    solution = problem.solve(0.0)
+    steps = ss.evolve(problem, solution, [0.5, 1.0], slip_increments=True)
+    results += [
+        body,
+        rate + rate,
+        -body.traction("right", [0.1, 0.2]),
+        body.body_force([0.0, -1.0]),
+        ss.Material.lame(1.0, 2.0),
+        ss.Material.tensor(ss.Material(1.0, 0.3).components),
+        ss.Foundation.gap(0.1, normal=[0.0, -1.0]),
+        friction,
+        ss.Friction.table([0.0, 1.0], [0.5, 0.3]),
+        ss.Friction.exponential(0.5, 0.3, 0.1).scaled(),
+        ss.Friction(0.3, 0.1),
+        ss.GivenBound(0.2),
+        problem,
+        problem.with_second_parameter(rate),
+        ss.ContactProblem(body, "bottom", ss.Foundation.gap(0.0), 0.3, form="reduced"),
+        solution,
+        steps[-1],
+        ss.follow(problem, solution, parameter_range=(0.0, 0.5)),
+        ss.diagram(problem, solution, parameter_range=(0.0, 0.5)),
+    ]
     parts = [*branch.transitions, *branch.folds, *branch.crossings, *diagram.vertices, *diagram.edges, *diagram.crossings, *lists.solutions]
     return results + parts + list(lists.continua)
 
@@ -98,6 +128,28 @@ def _solved(load):
     return ss.solve(lambda y: [y[0] - 1.25 * max(y[0] - 1, 0) - load], 0.0), ss.follow(beam, [0.0, 0.0], parameter_range=(0.0, load))
 
 
+def test_restored_contact_problems_give_the_same_numbers():
+    kinds = {type(r).__name__: r for r in RESULTS}
+    solution = kinds["ContactSolution"]
+    again = pickle.loads(pickle.dumps(solution))
+    np.testing.assert_array_equal(again.displacements, solution.displacements)
+    np.testing.assert_array_equal(again.stresses, solution.stresses)
+    assert again.states == solution.states and again.energy == solution.energy
+    anew = again.problem.solve(0.0)
+    np.testing.assert_array_equal(anew.x, solution.x)
+    step = kinds["EvolutionStep"]
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(step)).solution.slips, step.solution.slips)
+    friction = ss.Friction.function(lambda slip, parameter: 0.4 * np.exp(-slip) + parameter)
+    assert pickle.loads(pickle.dumps(friction))(0.3, 0.1) == friction(0.3, 0.1)
+
+
+def test_functions_of_a_place_are_for_pickle_to_take():
+    body = ss.Body(ss.Mesh.rectangle([0, 0], [1, 1], [1, 1]), ss.Material(1.0, 0.3), supports={"left": lambda p: 0.0})
+    with pytest.raises((pickle.PicklingError, AttributeError)):
+        pickle.dumps(body)
+    assert copy.deepcopy(body).num_free == body.num_free
+
+
 def test_other_processes_send_results():
     loads = [0.25, 0.5, 0.75]
     with multiprocessing.get_context("spawn").Pool(2) as pool:
@@ -149,8 +201,8 @@ def test_reprs_are_short():
     # Rounding of 0 beside other numbers is 0; small numbers that stand alone are not.
     rounded = ss.follow(lambda x: [x[0] - 0.1 - 0.2 - abs(x[1] + 0.1 + 0.2 - 0.3)], [0.4, -0.1], parameter_range=(-1.0, 1.0))
     assert repr(rounded.transitions[0]).endswith("at parameter 0.0>")
-    tiny = ss.follow(lambda x: [x[0] - 1e-20 * abs(x[1] / 1e-20 - 1)], [1e-20, 0.0], parameter_range=(0.0, 3e-20), step=1e-21, max_step=1e-20)
-    assert repr(tiny.transitions[0]).endswith("at parameter 1e-20>")
+    tiny = {"x": np.array([1e-20, 2e-20]), "parameter": 2e-20, "kind": "kink", "arclength": None}
+    assert repr(_core._restored("Fold", tiny)) == "<Fold: kink at parameter 2e-20>"
 
 
 def test_notebooks_show_pictures_and_tables():

@@ -519,8 +519,9 @@ def _flat(values: Any) -> Any:
 _MOST = 64
 
 
-def with_own_variables(function: Any) -> Any:
-    """A function traced on as many variables as it has values, or one more where that is no number of its values."""
+def with_own_variables(function: Any, parametric: bool = False) -> Any:
+    """A function traced on as many variables as it has values, or one more where that is no number of its values, or where it is to have a
+    parameter."""
     if not callable(function):
         raise TypeError("all_solutions takes a function, a Map, an Lcp or a ContactProblem")
     found: dict[int, list[Any]] = {0: [], 1: []}
@@ -535,12 +536,26 @@ def with_own_variables(function: Any) -> Any:
         kind = n - traced.num_residuals
         if kind in found:
             found[kind].append(traced)
-        if len(found[0]) > 1:
+        if len(found[1] if parametric else found[0]) > 1:
             break
-    fitting = found[0] or found[1]
+    fitting = found[1] if parametric else found[0] or found[1]
     if len(fitting) == 1:
         return fitting[0]
     if not fitting and refused is not None and "traced" in str(refused):
         raise refused
     why = "fits several numbers of variables" if fitting else f"fits no number of variables up to {_MOST}"
-    raise ValueError(f"the function {why}: write all_solutions(H, num_vars=...)") from refused
+    raise ValueError(f"the function {why}: write {'trace(H, num_vars)' if parametric else 'all_solutions(H, num_vars=...)'}") from refused
+
+
+def solutions_at_sections(problem: Any, parameter_range: tuple[float, float] | None, sections: list[float] | None) -> tuple[Any, Any]:
+    """The problem, traced, and its solutions at some parameters, where a diagram begins."""
+    if not isinstance(problem, (_core.Map, _core.ContactProblem)):
+        problem = with_own_variables(problem, parametric=True)
+    if sections is None:
+        if parameter_range is None or not np.all(np.isfinite(parameter_range)):
+            raise ValueError("a diagram needs starts, or sections (parameters at which they are sought), or a finite parameter_range")
+        sections = [parameter_range[0], sum(parameter_range) / 2, parameter_range[1]]
+    points = [point for parameter in sections for point in _core.all_solutions(problem, parameter).points]
+    if not points:
+        raise ValueError(f"no solution was found at the parameters {sections}: give starts or other sections")
+    return problem, points

@@ -8,6 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "__version__",
+    "_restored",
+    "_saved_classes",
+    "_state",
     "Body",
     "Branch",
     "BranchPoint",
@@ -137,6 +141,7 @@ class Map:
     def __call__(self, x: ArrayLike, /) -> _Vector: ...
     def jacobian(self, x: ArrayLike) -> _Vector: ...
     def pieces(self, x: ArrayLike) -> list[str]: ...
+    def check(self, points: ArrayLike) -> list[str]: ...
 
 def trace(function: Callable[[NDArray[np.object_]], Any], num_vars: int) -> Map: ...
 def traced_maximum(a: Any, b: Any) -> Expression: ...
@@ -583,9 +588,10 @@ class Diagram:
 
 def diagram(
     H: Callable[[Any], Any] | Map | ContactProblem | tuple[_Matrix, ArrayLike],
-    starts: ArrayLike | ContactSolution | Sequence[ContactSolution],
+    starts: ArrayLike | ContactSolution | Sequence[ContactSolution] | None = None,
     parameter_range: tuple[float, float] | None = None,
     *,
+    sections: Sequence[float] | None = None,
     jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
     pattern: _Matrix | None = None,
     lower: ArrayLike | None = None,

@@ -50,8 +50,14 @@ def _converting(make: Callable[..., Any]) -> Callable[..., Any]:
     return convert
 
 
-@functools.lru_cache(maxsize=None)
+#: The functions below, each made once.
+_LIFTED: dict[Any, Callable[..., Any]] = {}
+
+
 def _lifting(function: Callable[..., Any]) -> Callable[..., Any]:
+    if function in _LIFTED:
+        return _LIFTED[function]
+
     @functools.wraps(function)
     def apply(*arguments: Any, **options: Any) -> Any:
         if not tracing():
@@ -62,6 +68,7 @@ def _lifting(function: Callable[..., Any]) -> Callable[..., Any]:
         for method in ("reduce", "accumulate", "reduceat", "outer"):
             setattr(apply, method, _lifting(getattr(function, method)))
         apply.at = function.at  # type: ignore[attr-defined]
+    _LIFTED[function] = apply
     return apply
 
 
