@@ -81,6 +81,17 @@ impl Kind {
             _ => 1,
         }
     }
+
+    /// Whether the value is undefined, whichever piece is selected.
+    fn is_undefined<T: Real>(self, pieces: &[T], tests: &[T]) -> bool {
+        match (self, tests) {
+            (Kind::Switch, [test, ..]) => {
+                let test = test.value();
+                test.is_nan() || (test == 0.0 && pieces.iter().any(|p| !p.value().is_finite()))
+            }
+            _ => pieces.iter().any(|p| p.value().is_nan()),
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -108,6 +119,10 @@ enum Mode<'a> {
 }
 
 /// The kinks of a [`NonsmoothFunction`], in the order in which they are called.
+///
+/// What is undefined stays so: `max`, `min`, `abs` and `project` are NaN, with all their derivatives, where any of their operands is,
+/// whichever piece is selected. [`switch`](Self::switch) is NaN where its test is and where the formula it selects is; where its test
+/// vanishes, where either formula is not finite.
 #[derive(Debug)]
 pub struct Kinks<'a, T> {
     mode: Mode<'a>,
@@ -178,7 +193,11 @@ impl<'a, T: Real> Kinks<'a, T> {
                 return pieces[0].joined(&pieces, label.filter(|l| *l < LABELS));
             }
         };
-        pieces[piece.min(N - 1)]
+        let chosen = pieces[piece.min(N - 1)];
+        match kind.is_undefined(&pieces, tests) {
+            true => chosen * f64::NAN,
+            false => chosen,
+        }
     }
 
     /// max(a, b); pieces "first", "second"; test function a − b.

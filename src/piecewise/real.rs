@@ -106,10 +106,11 @@ impl Real for f64 {
     fn tanh(self) -> Self {
         f64::tanh(self)
     }
+    // The powers of NaN are NaN: std has 1 for the exponent 0.
     fn powi(self, n: i32) -> Self {
-        f64::powi(self, n)
+        if self.is_nan() { self } else { f64::powi(self, n) }
     }
     fn powf(self, p: f64) -> Self {
-        f64::powf(self, p)
+        if self.is_nan() { self } else { f64::powf(self, p) }
     }
 }

@@ -9,7 +9,7 @@ fn chain(x: Dual64, value: f64, slope: f64) -> Dual64 {
     Dual64::new(value, if x.eps == 0.0 { 0.0 } else { x.eps * slope })
 }
 
-// Of num-dual's derivatives those of √x, tanh x and x^p are NaN or inexact where x is 0, tiny or large.
+// Of num-dual's derivatives those of √x, tanh x, xⁿ and x^p are NaN or inexact where x is 0, tiny or large.
 impl Real for Dual64 {
     fn value(&self) -> f64 {
         self.re
@@ -47,11 +47,12 @@ impl Real for Dual64 {
         chain(self, self.re.tanh(), 1.0 / cosh / cosh)
     }
     fn powi(self, n: i32) -> Self {
-        DualNum::powi(&self, n)
+        let slope = if n == 0 { 0.0 } else { f64::from(n) * Real::powi(self.re, n.saturating_sub(1)) };
+        chain(self, Real::powi(self.re, n), slope)
     }
     fn powf(self, p: f64) -> Self {
         let slope = if p == 0.0 { 0.0 } else { p * self.re.powf(p - 1.0) };
-        chain(self, self.re.powf(p), slope)
+        chain(self, Real::powf(self.re, p), slope)
     }
     fn slope(&self) -> f64 {
         self.eps
