@@ -3,10 +3,10 @@ use std::ops::ControlFlow;
 
 use super::ray::ray;
 use super::run::{Run, between};
-use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus};
+use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay, ConeReport, ConeStatus};
 use crate::clock::Deadline;
 use crate::complementarity::{AffineFunction, McpFunction};
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{Matrix, Pattern, dot};
 
 /// Semismooth Newton method for cone problems.
 ///
@@ -80,7 +80,9 @@ impl ConeSolver {
                 }
             };
             let parts = (&run.parts[..], &run.block[..]);
-            report.ray = ray(&problem, &self.options, deadline, &mut tell, parts, x)?;
+            let found = ray(&problem, &self.options, deadline, &mut tell, parts, x)?;
+            problem.function().value(x, &mut room);
+            report.ray = found.filter(|ray| refutes(ray, &room));
             if report.ray.is_some() {
                 report.status = ConeStatus::NoSolution;
             } else if stopped {
@@ -90,6 +92,13 @@ impl ConeSolver {
         report.evaluations = counted.evaluations.get();
         Ok(report)
     }
+}
+
+/// Whether vᵀF at the best point is what it should be for all x, −1 up to its rounding: at a solution far out it would be 0.
+fn refutes(ray: &ConeRay, f: &[f64]) -> bool {
+    /// What is left of −1 as long as v proves anything there.
+    const HALF: f64 = -0.5;
+    ray.radius == f64::INFINITY || dot(&ray.direction, f) <= HALF
 }
 
 /// F, counting its evaluations.

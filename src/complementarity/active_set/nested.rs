@@ -6,7 +6,8 @@ use super::engine::Engine;
 use super::{
     ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, MultigridReduced, Start,
 };
-use crate::complementarity::columns::{BoxLcp, Columns};
+use crate::complementarity::columns::BoxLcp;
+use crate::judge::Columns;
 use crate::complementarity::error::check_finite;
 use crate::complementarity::problem::check_bounds;
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};

@@ -1,6 +1,7 @@
 //! ∇F at a point, in the units of the problem and equilibrated.
 
 use crate::complementarity::McpFunction;
+use crate::judge::ROUNDING;
 use crate::newton::equilibrate;
 use crate::sparse::{Matrix, Pattern};
 
@@ -77,6 +78,24 @@ impl Linearisation {
             }
         }
         &self.terms
+    }
+
+    /// Whether some rows of ∇F are the same at another point, up to rounding.
+    pub(super) fn is_same_at(
+        &mut self,
+        function: &dyn McpFunction,
+        there: impl Iterator<Item = f64>,
+        rows: &[usize],
+    ) -> bool {
+        let beside = self
+            .beside
+            .get_or_insert_with(|| Matrix::zeros(self.jac.pattern().clone()));
+        self.point.iter_mut().zip(there).for_each(|(to, x)| *to = x);
+        beside.clear();
+        function.jacobian(&self.point, beside);
+        let mut pairs = self.jac.triplets().zip(beside.values());
+        // Written so that NaN differs.
+        pairs.all(|((i, _, a), b)| !rows.contains(&i) || (a - b).abs() <= ROUNDING * a.abs())
     }
 
     /// ∇F.

@@ -30,11 +30,12 @@ impl Engine<'_> {
         w.trial.x.copy_from_slice(&w.here.x);
         w.here.x.copy_from_slice(&w.seen.nearest);
         if self.evaluate() && self.jacobian() {
-            let measure = self.measure();
-            if self.accepts(measure, self.options.acceptable.max(self.options.tolerance)) {
+            let tolerance = self.options.acceptable.max(self.options.tolerance);
+            let verdict = self.measure(tolerance);
+            if self.accepts(verdict, tolerance) {
                 return McpStatus::Solved;
             }
-            if measure.is_rounding() {
+            if verdict.is_rounding() {
                 return McpStatus::AtRounding;
             }
         }
@@ -60,7 +61,7 @@ impl Engine<'_> {
         if status != McpStatus::Solved {
             self.report.error = f64::NAN;
             if finite && self.jacobian() {
-                self.measure();
+                self.measure(self.options.tolerance);
             }
         }
         self.report.status = status;

@@ -4,8 +4,8 @@ use super::linearisation::Linearisation;
 use super::strategies;
 use super::system::System;
 use crate::complementarity::ComplementarityError;
-use crate::complementarity::accuracy::Accuracy;
 use crate::complementarity::affine::with_diagonal;
+use crate::judge::Judge;
 use crate::sparse::Pattern;
 
 /// Everything a solve needs, made once for problems of one shape.
@@ -20,7 +20,9 @@ pub(super) struct Work {
     pub(super) lin: Linearisation,
     pub(super) equations: Equations,
     pub(super) system: System,
-    pub(super) accuracy: Accuracy,
+    pub(super) judge: Judge,
+    /// F(0) of an affine F; else empty.
+    pub(super) constants: Vec<f64>,
     pub(super) seen: Seen,
     pub(super) descent: Descent,
     pub(super) own: strategies::Own,
@@ -65,7 +67,8 @@ impl Work {
             lin: Linearisation::new(pattern.clone()),
             equations: Equations::new(n),
             system: System::new(pattern),
-            accuracy: Accuracy::default(),
+            judge: Judge::default(),
+            constants: Vec::new(),
             seen: Seen {
                 best: vec![0.0; n],
                 nearest: vec![0.0; n],

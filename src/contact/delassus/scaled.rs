@@ -2,16 +2,18 @@ use std::cell::Cell;
 
 use super::DelassusProblem;
 use super::cone::natural_residual;
+use crate::judge::laws::coulomb;
 use crate::sparse::max_abs;
 
 /// A vector of blocks, one a contact.
 pub(super) type Vector<const D: usize> = Vec<[f64; D]>;
 pub(super) type Block<const D: usize> = [[f64; D]; D];
 
-/// A problem in scaled variables and block storage: the mean diagonal entry of each contact is 1 and ‖q‖∞ is 1.
+/// A problem in scaled variables and block storage: the mean diagonal entry of each contact and ‖q‖∞ are near 1.
 ///
-/// With S = diag(s_i) one positive factor a contact and σ = ‖S q‖∞ the scaled problem is S M S, S q / σ, with r = σ S r̃ and
-/// u = σ S⁻¹ ũ: cones and the law are invariant under this scaling.
+/// With S = diag(s_i) one positive factor a contact, τ and σ = ‖τ S q‖∞ the scaled problem is τ S M S, τ S q / σ, with r = σ S r̃ and
+/// u = σ (τ S)⁻¹ ũ: cones and the law are invariant under this scaling. All factors are powers of two, τ that of the first contact and s_i
+/// relative to it: in units that differ by powers of two, of the whole or by contacts, the scaled problem is the same to the last bit.
 #[derive(Debug, Clone)]
 pub(super) struct ScaledProblem<const D: usize> {
     pub(super) friction: Vec<f64>,
@@ -98,11 +100,11 @@ impl<const D: usize> BlockMatrix<D> {
         self.row[range.clone()].iter().copied().zip(&self.blocks[range])
     }
 
-    /// S M S.
-    fn scale(&mut self, s: &[f64]) {
+    /// τ S M S.
+    fn scale(&mut self, s: &[f64], unit: f64) {
         for j in 0..s.len() {
             for k in self.col_ptr[j]..self.col_ptr[j + 1] {
-                let factor = s[self.row[k]] * s[j];
+                let factor = s[self.row[k]] * s[j] * unit;
                 let entries = self.blocks[k].iter_mut().flatten();
                 entries.for_each(|v| *v *= factor);
             }
@@ -134,6 +136,11 @@ impl<const D: usize> BlockMatrix<D> {
             self.add_column(j, r, u);
         }
     }
+}
+
+/// The power of two nearest to a positive number, on a logarithmic scale; its reciprocal is a number, too.
+fn power_near(v: f64) -> f64 {
+    v.log2().round().clamp(-1000.0, 1000.0).exp2()
 }
 
 fn squared<const D: usize>(z: &[f64; D]) -> f64 {
@@ -186,18 +193,19 @@ impl<const D: usize> ScaledProblem<D> {
                 .filter(|d| *d > 0.0)
                 .unwrap_or(1.0)
         };
-        let scale: Vec<f64> = means
-            .into_iter()
-            .map(|d| if d > 1e-13 * largest { d } else { ordinary }.sqrt().recip())
-            .collect();
-        matrix.scale(&scale);
+        let means: Vec<f64> = means.into_iter().map(|d| if d > 1e-13 * largest { d } else { ordinary }).collect();
+        let first = means.first().copied().unwrap_or(1.0);
+        let scale: Vec<f64> = means.iter().map(|d| power_near((first / d).sqrt())).collect();
+        let unit = power_near(first.recip());
+        matrix.scale(&scale, unit);
         let (q, _) = problem.q().as_chunks::<D>();
-        let sigma = (q.iter().zip(&scale)).fold(0.0, |m, (q, s)| larger(m, &q.map(|v| s * v)));
-        let sigma = if sigma > 0.0 { sigma } else { 1.0 };
+        let factors = scale.iter().map(|s| unit * s);
+        let sigma = (q.iter().zip(factors.clone())).fold(0.0, |m, (q, s)| larger(m, &q.map(|v| s * v)));
+        let sigma = if sigma > 0.0 { power_near(sigma) } else { 1.0 };
         Self {
             friction: problem.friction().to_vec(),
             q: q.iter()
-                .zip(&scale)
+                .zip(factors)
                 .map(|(q, s)| q.map(|v| s * v / sigma))
                 .collect(),
             matrix,
@@ -278,6 +286,24 @@ impl<const D: usize> ScaledProblem<D> {
         }
     }
 
+    /// The largest violation of the law at any contact, each part of it relative to its own terms, given u = M r + q and the squared sizes
+    /// from [`law`](Self::law).
+    pub(super) fn violation(&self, r: &[[f64; D]], u: &[[f64; D]], contacts: &[[f64; 2]]) -> f64 {
+        let mut terms: Vector<D> = self.q.iter().map(|q| q.map(f64::abs)).collect();
+        for (j, r) in r.iter().enumerate().filter(|(_, r)| **r != [0.0; D]) {
+            for (i, block) in self.matrix.column(j) {
+                for (term, row) in terms[i].iter_mut().zip(block) {
+                    *term += row.iter().zip(r).map(|(b, r)| (b * r).abs()).sum::<f64>();
+                }
+            }
+        }
+        let largest = contacts.iter().fold(0.0_f64, |m, c| m.max(c[0])).sqrt();
+        (0..r.len()).fold(0.0, |worst: f64, i| {
+            let size = contacts[i][0].sqrt().max(NEGLIGIBLE * largest);
+            worst.max(coulomb(self.friction[i], &r[i], &u[i], &terms[i], size))
+        })
+    }
+
     /// The reactions in the units of the problem; tangential ones are exactly 0 at contacts without friction.
     pub(super) fn unscale(&self, r: &[[f64; D]], out: &mut [f64]) {
         for (i, r) in r.iter().enumerate() {
@@ -356,7 +382,8 @@ mod tests {
             p.velocities(&p.scale(&r), &mut u);
             let expected = problem.velocities(&r).unwrap();
             for (i, expected) in expected.iter().enumerate() {
-                let found = u[i / 3][i % 3] * p.sigma / p.scale[i / 3];
+                let unit = problem.q()[i] / p.q[i / 3][i % 3];
+                let found = u[i / 3][i % 3] * unit;
                 assert!(
                     (found - expected).abs() < 1e-13 * 100.0,
                     "case {case}: {found} {expected}"

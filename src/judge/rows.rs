@@ -1,0 +1,367 @@
+//! Solved, row by row.
+
+use super::Columns;
+use super::parts::Parts;
+
+/// Part of its terms below which a residual is rounding: 64 units in the last place of the sum of some dozens of terms.
+pub(crate) const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// Rounding of a sum as a part of its terms, as long as these are few; with many it is of random signs.
+pub(crate) const SUM: f64 = 8.0 * f64::EPSILON;
+
+/// A residual of at least this part of its terms shows no cancellation.
+const OPEN: f64 = 1e-3;
+
+/// A point and the residual f there, of square equations or of the complementarity problem of f and its bounds.
+///
+/// The *terms* of row i are the |Jᵢⱼ xⱼ| and its *constants*: |fᵢ − Σⱼ Jᵢⱼ xⱼ|, and the terms of unknowns at their bounds.
+#[derive(Clone, Copy)]
+pub(crate) struct Point<'a> {
+    pub(crate) x: &'a [f64],
+    pub(crate) f: &'a [f64],
+    pub(crate) jac: Columns<'a>,
+    /// f − J x, where it is known without cancellation: then 0 is exact.
+    pub(crate) rest: Option<&'a [f64]>,
+    /// Where the run began; empty where nothing was met but x.
+    pub(crate) start: &'a [f64],
+    /// Typical sizes of the unknowns; empty for 1.
+    pub(crate) typical: &'a [f64],
+    /// Sizes of the unknowns in place of |x|, for solvers that are accurate relative to whole blocks.
+    pub(crate) sizes: Option<&'a [f64]>,
+    /// Bounds; empty for equations. x may lie slightly outside of them: the distance counts as an error.
+    pub(crate) lower: &'a [f64],
+    pub(crate) upper: &'a [f64],
+}
+
+impl Point<'_> {
+    fn bounds(&self, i: usize) -> (f64, f64) {
+        let bound = |b: &[f64], none: f64| b.get(i).copied().unwrap_or(none);
+        (bound(self.lower, f64::NEG_INFINITY), bound(self.upper, f64::INFINITY))
+    }
+
+    /// Whether the component is at a bound at which f has the required sign.
+    fn rests(&self, i: usize) -> bool {
+        let ((l, u), x, f) = (self.bounds(i), self.x[i], self.f[i]);
+        (x == l && f >= 0.0) || (x == u && f <= 0.0) || l == u
+    }
+
+    fn typical(&self, j: usize) -> f64 {
+        self.typical.get(j).copied().unwrap_or(1.0)
+    }
+}
+
+/// How near a point is to a solution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Verdict {
+    /// Largest residual of a component relative to the terms and constants of its row; where all of these are rounding, relative to the
+    /// row at the sizes that were met.
+    pub(crate) error: f64,
+    /// Largest square of what residual and rounding are relative to the constants, over rows whose part of the Jacobian is singular: there
+    /// the terms cancel whatever the constants are, and the square lets no more than √τ of them pass at a tolerance τ.
+    pub(crate) hidden: f64,
+    /// The same over rows whose part is regular: nothing is hidden there if the rows are straight.
+    pub(crate) distant: f64,
+    /// Whether a row vanishes with all its terms although its unknowns do not: flat, or its numbers underflow.
+    pub(crate) flat: bool,
+}
+
+impl Verdict {
+    /// Whether the point is solved to a tolerance, where rows are straight: affine in all unknowns.
+    pub(crate) fn is_solved(self, tolerance: f64) -> bool {
+        self.error <= tolerance && self.hidden <= tolerance
+    }
+
+    /// Whether that depends on rows being straight.
+    pub(crate) fn needs_straight(self, tolerance: f64) -> bool {
+        // Written so that NaN needs it.
+        !(self.distant <= tolerance)
+    }
+
+    /// Whether some residual is not small relative to its terms.
+    pub(crate) fn is_open(self) -> bool {
+        self.error >= OPEN
+    }
+
+    /// Whether the residuals are only rounding errors of the terms.
+    pub(crate) fn is_rounding(self) -> bool {
+        self.error <= ROUNDING
+    }
+}
+
+/// What is known of a row.
+#[derive(Debug, Clone, Copy, Default)]
+struct Row {
+    /// Σ|Jᵢⱼ xⱼ| over the unknowns between their bounds.
+    variable: f64,
+    /// Sum of the constants.
+    constant: f64,
+    /// Σⱼ Jᵢⱼ xⱼ, where the constants are not given.
+    sum: f64,
+    /// Σ|Jᵢⱼ| sⱼ with typical sizes s.
+    typical: f64,
+}
+
+impl Row {
+    fn terms(&self) -> f64 {
+        self.variable + self.constant
+    }
+}
+
+/// Decides whether points are solutions; keeps its buffers.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Judge {
+    rows: Vec<Row>,
+    /// Sizes at which each unknown was met, or which rows of its part see of it.
+    met: Vec<f64>,
+    parts: Parts,
+    is_found: bool,
+    /// Whether each part is regular, once asked.
+    regular: Vec<Option<bool>>,
+    /// Rows of the parts that [`Verdict::distant`] is about.
+    distant: Vec<usize>,
+}
+
+impl Judge {
+    /// The verdict on a point; `tolerance` only says how closely it must be looked at.
+    pub(crate) fn verdict(&mut self, p: &Point<'_>, tolerance: f64) -> Verdict {
+        let n = p.x.len();
+        self.is_found = false;
+        self.distant.clear();
+        self.read(p);
+        let (mut error, mut failing) = (0.0_f64, 0);
+        for i in 0..n {
+            let e = self.error(p, i);
+            failing += usize::from(!(e <= tolerance));
+            error = larger(error, e);
+        }
+        if failing > 0 && self.may_be_homogeneous(p, tolerance) {
+            error = self.error_of_homogeneous(p, tolerance);
+        }
+        let (mut hidden, mut distant) = (0.0, 0.0);
+        if error <= tolerance && p.sizes.is_none() {
+            (hidden, distant) = self.hidden(p, tolerance);
+        }
+        Verdict {
+            error,
+            hidden,
+            distant,
+            flat: self.is_flat(p),
+        }
+    }
+
+    /// The rows that must be straight, if the last verdict [needs](Verdict::needs_straight) it.
+    pub(crate) fn distant_rows(&self) -> &[usize] {
+        &self.distant
+    }
+
+    /// Terms and constants of all rows.
+    fn read(&mut self, p: &Point<'_>) {
+        let n = p.x.len();
+        self.rows.clear();
+        self.rows.resize(n, Row::default());
+        for j in 0..n {
+            let x = p.x[j];
+            let (l, u) = p.bounds(j);
+            let (size, typical) = (p.sizes.map_or(x, |sizes| sizes[j]).abs(), p.typical(j));
+            let moves = x != l && x != u;
+            p.jac.each(j, |i, v| {
+                let row = &mut self.rows[i];
+                let term = v.abs() * size;
+                match moves {
+                    true => row.variable += term,
+                    false => row.constant += term,
+                }
+                row.sum += v * x;
+                row.typical += v.abs() * typical;
+            });
+        }
+        for (i, row) in self.rows.iter_mut().enumerate() {
+            row.constant += p.rest.map_or_else(|| p.f[i] - row.sum, |rest| rest[i]).abs();
+        }
+    }
+
+    /// The residual of one component relative to the terms of its row; NaN where f is.
+    fn error(&self, p: &Point<'_>, i: usize) -> f64 {
+        let (f, x) = (p.f[i], p.x[i]);
+        let (l, u) = p.bounds(i);
+        let outside = (l - x).max(x - u);
+        if outside > 0.0 {
+            return self.shift(p, i, outside);
+        }
+        if f == 0.0 || p.rests(i) {
+            return 0.0;
+        }
+        self.part(i, f.abs())
+    }
+
+    /// A part of the terms of a row; infinite where these are above the largest number, since they hide any residual then.
+    fn part(&self, row: usize, size: f64) -> f64 {
+        match self.rows[row].terms() {
+            f64::INFINITY => f64::INFINITY,
+            terms => size / terms,
+        }
+    }
+
+    /// The largest relative change of a row, with respect to its terms, when x_i moves by `length`.
+    fn shift(&self, p: &Point<'_>, i: usize, length: f64) -> f64 {
+        let mut worst: Option<f64> = None;
+        p.jac.each(i, |row, v| {
+            let change = (v * length).abs();
+            if change > 0.0 {
+                worst = Some(worst.unwrap_or(0.0).max(self.part(row, change)));
+            }
+        });
+        worst.unwrap_or(length / p.x[i].abs())
+    }
+
+    /// Finds the parts of the unknowns that do not rest at bounds, once a point.
+    fn find_parts(&mut self, p: &Point<'_>) {
+        if !std::mem::replace(&mut self.is_found, true) {
+            self.parts.find(p.jac, p.x.len(), &|i| !p.rests(i));
+            self.regular.clear();
+            self.regular.resize(self.parts.len(), None);
+        }
+    }
+
+    /// `met`, from the start and from what open rows see of the unknowns: of their own part, or all.
+    fn meet(&mut self, p: &Point<'_>, of_own_part: bool) {
+        self.met.clear();
+        self.met.extend(p.x.iter().map(|x| x.abs()));
+        self.met.iter_mut().zip(p.start).for_each(|(m, s)| *m = m.max(s.abs()));
+        let (rows, parts) = (&self.rows, &self.parts);
+        for (j, met) in self.met.iter_mut().enumerate() {
+            p.jac.each(j, |i, v| {
+                if v != 0.0 && !p.rests(i) && !(of_own_part && parts.of(i) != parts.of(j)) {
+                    *met = met.max(rows[i].terms() / v.abs());
+                }
+            });
+        }
+    }
+
+    /// Σ|Jᵢⱼ| mⱼ for all rows, in their `sum`, with the sizes m that were met.
+    fn sum_met(&mut self, p: &Point<'_>) {
+        self.rows.iter_mut().for_each(|row| row.sum = 0.0);
+        for j in 0..p.x.len() {
+            p.jac.each(j, |i, v| self.rows[i].sum += v.abs() * self.met[j]);
+        }
+    }
+
+    /// Whether all terms of a row are rounding, given what they were met with: known constants never are.
+    fn is_homogeneous(&self, p: &Point<'_>, i: usize) -> bool {
+        let row = &self.rows[i];
+        p.rest.is_none_or(|rest| rest[i] == 0.0) && row.terms() <= ROUNDING * row.sum && row.sum.is_finite()
+    }
+
+    /// Whether every row that fails may be one whose terms all are rounding: cheap, and yes too often.
+    fn may_be_homogeneous(&mut self, p: &Point<'_>, tolerance: f64) -> bool {
+        if p.sizes.is_some() {
+            return false;
+        }
+        self.meet(p, false);
+        self.sum_met(p);
+        (0..p.x.len()).all(|i| self.error(p, i) <= tolerance || self.is_homogeneous(p, i))
+    }
+
+    /// The largest error, where rows whose terms are rounding are measured at the sizes met.
+    fn error_of_homogeneous(&mut self, p: &Point<'_>, tolerance: f64) -> f64 {
+        self.find_parts(p);
+        self.meet(p, true);
+        self.sum_met(p);
+        (0..p.x.len()).fold(0.0, |worst, i| {
+            let e = self.error(p, i);
+            let eased = match !(e <= tolerance) && self.is_homogeneous(p, i) {
+                true => p.f[i].abs() / self.rows[i].sum,
+                false => e,
+            };
+            larger(worst, eased)
+        })
+    }
+
+    /// The constants of a row beside which residual and rounding are looked at; 0 where it is known to have none. Where they are not given
+    /// and no more than the rounding of the terms, there may be others that round away: they are assumed to be as large as the terms of a
+    /// typical x.
+    fn constants(&self, p: &Point<'_>, i: usize) -> f64 {
+        let row = &self.rows[i];
+        match p.rest.is_some() || row.constant > ROUNDING * row.variable {
+            true => row.constant,
+            false => row.constant.max(row.typical),
+        }
+    }
+
+    /// [`Verdict::hidden`] and [`Verdict::distant`], each looked at only where the tolerance asks for it.
+    fn hidden(&mut self, p: &Point<'_>, tolerance: f64) -> (f64, f64) {
+        let n = p.x.len();
+        let unknown = |row: &Row, i: usize| p.f[i].abs() + SUM * row.variable;
+        // The least part that constants have of the terms, of all rows.
+        let mut least = f64::INFINITY;
+        for i in (0..n).filter(|&i| !p.rests(i)) {
+            let (constant, row) = (self.constants(p, i), &self.rows[i]);
+            if constant > 0.0 {
+                least = least.min(constant / row.terms());
+            }
+        }
+        let square = |unknown: f64, constant: f64| match unknown == 0.0 {
+            true => 0.0,
+            false => (unknown / constant).powi(2),
+        };
+        let (mut hidden, mut distant) = (0.0, 0.0);
+        for i in (0..n).filter(|&i| !p.rests(i)) {
+            let constant = self.constants(p, i);
+            let row = &self.rows[i];
+            let (unknown, terms) = (unknown(row, i), row.terms());
+            let own = |least: f64| match constant > 0.0 {
+                true => square(unknown, constant),
+                // A row without constants is as far out as the farthest row of its part.
+                false => square(unknown, terms * least),
+            };
+            if own(least) <= tolerance {
+                continue;
+            }
+            self.find_parts(p);
+            let Some(part) = self.parts.of(i) else { continue };
+            let least = self.parts.members(part).iter().fold(f64::INFINITY, |m: f64, &k| {
+                let constant = self.constants(p, k);
+                if constant > 0.0 { m.min(constant / self.rows[k].terms()) } else { m }
+            });
+            let own = own(least);
+            if own <= tolerance {
+                continue;
+            }
+            if self.is_regular(p, part) {
+                distant = larger(distant, own);
+                self.distant.extend_from_slice(self.parts.members(part));
+            } else {
+                hidden = larger(hidden, own);
+            }
+        }
+        (hidden, distant)
+    }
+
+    fn is_regular(&mut self, p: &Point<'_>, part: usize) -> bool {
+        if let Some(known) = self.regular[part] {
+            return known;
+        }
+        let found = self.parts.is_regular(part, p.jac);
+        self.regular[part] = Some(found);
+        found
+    }
+
+    fn is_flat(&self, p: &Point<'_>) -> bool {
+        let empty = |i: usize| {
+            let (l, u) = p.bounds(i);
+            self.rows[i].terms() == 0.0 && p.x[i] != l && p.x[i] != u
+        };
+        let n = p.x.len();
+        (0..n).any(empty)
+            && (0..n).any(|j| {
+                let mut acts = false;
+                p.jac.each(j, |i, _| acts |= empty(i));
+                p.x[j] != 0.0 && acts
+            })
+    }
+}
+
+/// The larger one, NaN if there is one.
+fn larger(a: f64, b: f64) -> f64 {
+    if b > a || b.is_nan() { b } else { a }
+}
