@@ -59,7 +59,9 @@ impl Conditions<'_> {
             .for_each(|(i, j, a)| entries[i].push((j, a)));
         // Its constant moves with q, and with the bounds that unknowns are measured from.
         let give = |i: usize| {
-            let bounds = entries[i].iter().map(|&(j, a)| &exact(a).abs() * &exact(slack(self.origin(j).0)));
+            let bounds = entries[i]
+                .iter()
+                .map(|&(j, a)| &exact(a).abs() * &exact(slack(self.origin(j).0)));
             bounds.fold(exact(slack(self.q[i])), |sum, give| &sum + &give)
         };
         let row = |i: usize, sign: f64| {

@@ -103,7 +103,11 @@ impl Run<'_> {
             let (size, constant) = measure(k);
             let unknown = self.errors[k] + SUM;
             let share = if constant > 0.0 { constant / size } else { least[b] };
-            let hidden = if size > 0.0 { (unknown / share).powi(2) } else { 0.0 };
+            let hidden = if size > 0.0 {
+                (unknown / share).powi(2)
+            } else {
+                0.0
+            };
             let first = self.parts[k].range.start;
             if hidden <= self.options.tolerance || rests(first) {
                 continue;
@@ -116,7 +120,12 @@ impl Run<'_> {
             });
             let is_straight = self.constant.is_some()
                 && components.of(first).is_some_and(|c| {
-                    let polyhedral = |i: &usize| matches!(self.parts[self.owner[*i]].cone, Cone::Nonnegative(_) | Cone::Free(_));
+                    let polyhedral = |i: &usize| {
+                        matches!(
+                            self.parts[self.owner[*i]].cone,
+                            Cone::Nonnegative(_) | Cone::Free(_)
+                        )
+                    };
                     components.members(c).iter().all(polyhedral) && components.is_regular(c, jac)
                 });
             if !is_straight {

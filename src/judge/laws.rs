@@ -41,7 +41,9 @@ pub(crate) fn coulomb<const D: usize>(
     let cut = if reach > bound { bound / reach } else { 1.0 };
     let apart: [f64; D] = std::array::from_fn(|k| if k == 0 { 0.0 } else { r[k] - cut * moved[k] });
     let direction = share(length(&apart), size);
-    [tension, outside, both, direction].into_iter().fold(penetration, f64::max)
+    [tension, outside, both, direction]
+        .into_iter()
+        .fold(penetration, f64::max)
 }
 
 #[cfg(test)]
@@ -65,7 +67,10 @@ mod tests {
             assert!(law([1.0, 2.0 * mu, 0.0], [0.0; 3]) >= 0.9 * mu / size);
             assert!(law([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]) >= 0.4 * mu.min(1.0));
         }
-        assert_eq!(coulomb(0.5, &[0.0; 2], &[f64::NAN, 0.0], &[1.0; 2], 1.0), f64::INFINITY);
+        assert_eq!(
+            coulomb(0.5, &[0.0; 2], &[f64::NAN, 0.0], &[1.0; 2], 1.0),
+            f64::INFINITY
+        );
         assert_eq!(coulomb(0.5, &[0.0; 2], &[0.0; 2], &[0.0; 2], 0.0), 0.0);
     }
 }

@@ -36,7 +36,10 @@ pub(crate) struct Point<'a> {
 impl Point<'_> {
     fn bounds(&self, i: usize) -> (f64, f64) {
         let bound = |b: &[f64], none: f64| b.get(i).copied().unwrap_or(none);
-        (bound(self.lower, f64::NEG_INFINITY), bound(self.upper, f64::INFINITY))
+        (
+            bound(self.lower, f64::NEG_INFINITY),
+            bound(self.upper, f64::INFINITY),
+        )
     }
 
     /// Whether the component is at a bound at which f has the required sign.
@@ -227,7 +230,10 @@ impl Judge {
     fn meet(&mut self, p: &Point<'_>, of_own_part: bool) {
         self.met.clear();
         self.met.extend(p.x.iter().map(|x| x.abs()));
-        self.met.iter_mut().zip(p.start).for_each(|(m, s)| *m = m.max(s.abs()));
+        self.met
+            .iter_mut()
+            .zip(p.start)
+            .for_each(|(m, s)| *m = m.max(s.abs()));
         let (rows, parts) = (&self.rows, &self.parts);
         for (j, met) in self.met.iter_mut().enumerate() {
             p.jac.each(j, |i, v| {
@@ -321,7 +327,11 @@ impl Judge {
             let Some(part) = self.parts.of(i) else { continue };
             let least = self.parts.members(part).iter().fold(f64::INFINITY, |m: f64, &k| {
                 let constant = self.constants(p, k);
-                if constant > 0.0 { m.min(constant / self.rows[k].terms()) } else { m }
+                if constant > 0.0 {
+                    m.min(constant / self.rows[k].terms())
+                } else {
+                    m
+                }
             });
             let own = own(least);
             if own <= tolerance {

@@ -146,7 +146,9 @@ impl Run<'_> {
                 }
                 Err(e) => return Err(e.into()),
             };
-            if self.step_is_rounding(x, norm, previous_norm, step, evaluation) && self.is_small(jac, x, JUMP)? {
+            if self.step_is_rounding(x, norm, previous_norm, step, evaluation)
+                && self.is_small(jac, x, JUMP)?
+            {
                 self.record_last(index, self.best_norm, evaluation);
                 return Ok(Ok(Convergence::Rounding));
             }

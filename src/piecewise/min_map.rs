@@ -127,7 +127,11 @@ impl<F: Fn(&[f64], &mut [f64], &mut [f64])> PiecewiseSmooth for MinMap<F> {
         for i in 0..self.residuals {
             let chosen = [a[i], b[i]][selection.piece(i).min(1)];
             // What is undefined stays so, whichever piece is selected.
-            out[i] = if a[i].is_nan() || b[i].is_nan() { f64::NAN } else { chosen };
+            out[i] = if a[i].is_nan() || b[i].is_nan() {
+                f64::NAN
+            } else {
+                chosen
+            };
         }
     }
 

@@ -27,13 +27,19 @@ pub(super) fn emptiness(set: &Polyhedron, multipliers: &Multipliers) -> Option<E
     ];
     Some(match () {
         () if contradict(set, &all, slack)? => Emptiness::Empty,
-        () if contradict(set, &named, |_| 0.0)? || contradict(set, &all, |_| 0.0)? => Emptiness::WithinRounding,
+        () if contradict(set, &named, |_| 0.0)? || contradict(set, &all, |_| 0.0)? => {
+            Emptiness::WithinRounding
+        }
         () => Emptiness::Feasible,
     })
 }
 
 /// Whether the given inequalities, equations, lower and upper bounds have no common point although each constant may move by its slack.
-fn contradict(set: &Polyhedron, [a, e, lower, upper]: &[Vec<usize>; 4], slack: fn(f64) -> f64) -> Option<bool> {
+fn contradict(
+    set: &Polyhedron,
+    [a, e, lower, upper]: &[Vec<usize>; 4],
+    slack: fn(f64) -> f64,
+) -> Option<bool> {
     let n = set.dimension();
     // Floating-point numbers of a polyhedron are finite.
     let number = |v: f64| Exact::new(v).unwrap_or_default();
@@ -51,7 +57,11 @@ fn contradict(set: &Polyhedron, [a, e, lower, upper]: &[Vec<usize>; 4], slack: f
     };
     let (moving, fixed): (Vec<usize>, Vec<usize>) = e.iter().partition(|i| slack(set.e.right[**i]) > 0.0);
     let rows = fixed.iter().map(|&i| row(&set.e, i, 1.0));
-    let rows = rows.chain(moving.iter().flat_map(|&i| [row(&set.e, i, 1.0), row(&set.e, i, -1.0)]));
+    let rows = rows.chain(
+        moving
+            .iter()
+            .flat_map(|&i| [row(&set.e, i, 1.0), row(&set.e, i, -1.0)]),
+    );
     let rows = rows.chain(a.iter().map(|&i| row(&set.a, i, 1.0)));
     let lower = lower.iter().map(|&j| bound(j, set.lower[j], 1.0));
     let upper = upper.iter().map(|&j| bound(j, set.upper[j], -1.0));

@@ -170,7 +170,14 @@ fn points_far_out_solve_no_contradiction() {
     let rows = [[1.0, -1.0, 1.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let matrix = Matrix::from_rows(&rows).unwrap();
     let equations = AffineFunction::new(matrix, vec![-2.0, -1.0, -1.0]).unwrap();
-    let skew = [(3, 0, 1.0), (3, 1, -1.0), (0, 3, -1.0), (1, 3, 1.0), (4, 2, 1.0), (2, 4, -1.0)];
+    let skew = [
+        (3, 0, 1.0),
+        (3, 1, -1.0),
+        (0, 3, -1.0),
+        (1, 3, 1.0),
+        (4, 2, 1.0),
+        (2, 4, -1.0),
+    ];
     let matrix = Matrix::from_triplets(5, 5, &skew).unwrap();
     let cone = AffineFunction::new(matrix, vec![0.0, 0.0, 0.0, 1.0, -1.0]).unwrap();
     for (function, cones) in [
@@ -201,5 +208,49 @@ fn what_has_a_solution_is_not_refuted() {
         let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
         let is_claimed = report.status == ConeStatus::NoSolution;
         assert!(!is_claimed, "{d:e} {x:?} {:?}", report.ray);
+    }
+}
+
+/// A second-order cone problem in other units of F and of x: by powers of two the run is the same to the last bit.
+#[test]
+fn units_do_not_change_the_course_of_a_run() {
+    let mut random = Random::new(4);
+    for case in 0..30 {
+        let n = 3 + case % 4;
+        let g: Vec<Vec<f64>> = (0..n)
+            .map(|_| (0..n).map(|_| random.symmetric()).collect())
+            .collect();
+        let q: Vec<f64> = (0..n).map(|_| random.symmetric()).collect();
+        let run = |rows: f64, unknowns: f64| {
+            let m = |i: usize, j: usize| {
+                rows * unknowns
+                    * (g.iter().map(|g| g[i] * g[j]).sum::<f64>() + if i == j { 0.1 } else { 0.0 })
+            };
+            let m: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| m(i, j)).collect()).collect();
+            let q = q.iter().map(|q| rows * q).collect();
+            let function = AffineFunction::new(Matrix::from_rows(&m).unwrap(), q).unwrap();
+            let problem = ConeProblem::new(function, vec![Cone::SecondOrder(n)]).unwrap();
+            let mut x = vec![0.0; n];
+            let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+            x.iter_mut().for_each(|x| *x *= unknowns);
+            (x, report)
+        };
+        let (plain, first) = run(1.0, 1.0);
+        assert_eq!(first.status, ConeStatus::Solved);
+        for (rows, unknowns) in [(40, 0), (-70, 33), (5, -90)] {
+            let (x, report) = run(2.0_f64.powi(rows), 2.0_f64.powi(unknowns));
+            assert_eq!((x, report.error), (plain.clone(), first.error), "case {case}");
+            let courses =
+                [&first, &report].map(|r| r.history.iter().map(|i| (i.merit, i.damping)).collect::<Vec<_>>());
+            assert_eq!(courses[0], courses[1], "case {case}");
+        }
+        let (x, report) = run(1e-9, 1e7);
+        assert_eq!(report.status, ConeStatus::Solved);
+        assert!(
+            x.iter()
+                .zip(&plain)
+                .all(|(a, b)| (a - b).abs() <= 1e-9 * norm(&plain)),
+            "case {case}"
+        );
     }
 }

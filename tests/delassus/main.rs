@@ -770,13 +770,20 @@ fn no_velocity_into_the_ground_is_a_solution() {
         let nc = 1 + random.below(3);
         let n = 2 * nc;
         let rank = random.below(n + 1);
-        let factor: Vec<Vec<f64>> = (0..rank).map(|_| (0..n).map(|_| random.below(7) as f64 - 3.0).collect()).collect();
+        let factor: Vec<Vec<f64>> = (0..rank)
+            .map(|_| (0..n).map(|_| random.below(7) as f64 - 3.0).collect())
+            .collect();
         let entry = |i: usize, j: usize| factor.iter().map(|f| f[i] * f[j]).sum::<f64>();
         let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
         let q: Vec<f64> = (0..n).map(|_| random.below(11) as f64 - 5.0).collect();
-        let mu: Vec<f64> = (0..nc).map(|_| 10_f64.powi(random.below(13) as i32 - 1)).collect();
-        let problem = DelassusProblem::new(2, Matrix::from_rows(&rows).unwrap(), q.clone(), mu.clone()).unwrap();
-        let options = DelassusOptions::default().with_max_factorisations(300).with_max_sweeps(300);
+        let mu: Vec<f64> = (0..nc)
+            .map(|_| 10_f64.powi(random.below(13) as i32 - 1))
+            .collect();
+        let problem =
+            DelassusProblem::new(2, Matrix::from_rows(&rows).unwrap(), q.clone(), mu.clone()).unwrap();
+        let options = DelassusOptions::default()
+            .with_max_factorisations(300)
+            .with_max_sweeps(300);
         let report = DelassusSolver::new(options).solve(&problem).unwrap();
         if report.status != DelassusStatus::Solved {
             continue;
@@ -788,8 +795,14 @@ fn no_velocity_into_the_ground_is_a_solution() {
             let i = 2 * c;
             let terms = q[i].abs() + (0..n).map(|j| (rows[i][j] * r[j]).abs()).sum::<f64>();
             let u = q[i] + (0..n).map(|j| rows[i][j] * r[j]).sum::<f64>();
-            assert!(u >= -1e-11 * terms, "case {case}: u_N = {u:e} of {terms:e}, mu {mu:?}");
-            assert!(r[i] >= 0.0 && r[i + 1].abs() <= mu[c] * r[i] * (1.0 + 1e-9) + 1e-300, "case {case}: {r:?}");
+            assert!(
+                u >= -1e-11 * terms,
+                "case {case}: u_N = {u:e} of {terms:e}, mu {mu:?}"
+            );
+            assert!(
+                r[i] >= 0.0 && r[i + 1].abs() <= mu[c] * r[i] * (1.0 + 1e-9) + 1e-300,
+                "case {case}: {r:?}"
+            );
         }
     }
     assert!(solved > 100 && huge > 50, "{solved} {huge}");
@@ -800,11 +813,19 @@ fn no_velocity_into_the_ground_is_a_solution() {
 fn large_coefficients_do_not_solve_what_has_no_solution() {
     let rows = [[1.0, 0.0, -3.0, 0.0], [0.0; 4], [-3.0, 0.0, 9.0, 0.0], [0.0; 4]];
     for mu in [1.0, 1e3, 1e6, 1e9, 1e12] {
-        let coupled = DelassusProblem::new(2, Matrix::from_rows(&rows).unwrap(), vec![-4.0, 4.0, 3.0, -1.0], vec![1.0, mu]).unwrap();
+        let coupled = DelassusProblem::new(
+            2,
+            Matrix::from_rows(&rows).unwrap(),
+            vec![-4.0, 4.0, 3.0, -1.0],
+            vec![1.0, mu],
+        )
+        .unwrap();
         let zero = Matrix::from_triplets(2, 2, &[]).unwrap();
         let alone = DelassusProblem::new(2, zero, vec![-1.0, -1.0], vec![mu]).unwrap();
         for problem in [coupled, alone] {
-            let options = DelassusOptions::default().with_max_factorisations(300).with_max_sweeps(300);
+            let options = DelassusOptions::default()
+                .with_max_factorisations(300)
+                .with_max_sweeps(300);
             let report = DelassusSolver::new(options).solve(&problem).unwrap();
             assert_ne!(report.status, DelassusStatus::Solved, "{mu:e}: {:?}", report.r);
         }
@@ -820,14 +841,17 @@ fn units_do_not_change_the_course_of_a_run() {
         let (d, nc) = (2 + case % 2, 1 + random.below(4));
         let n = d * nc;
         let g: Vec<Vec<f64>> = (0..n).map(|_| random.vector(n, 1.0)).collect();
-        let m = |i: usize, j: usize| g.iter().map(|g| g[i] * g[j]).sum::<f64>() + if i == j { 0.3 } else { 0.0 };
+        let m =
+            |i: usize, j: usize| g.iter().map(|g| g[i] * g[j]).sum::<f64>() + if i == j { 0.3 } else { 0.0 };
         let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| m(i, j)).collect()).collect();
         let q = random.vector(n, 1.0);
         let mu: Vec<f64> = (0..nc).map(|_| random.unit()).collect();
         let run = |base: f64, whole: [i32; 2], own: &[i32]| {
             let own: Vec<f64> = (0..n).map(|i| base.powi(own[i / d])).collect();
             let [a, b] = whole.map(|k| base.powi(k));
-            let scaled = |(i, row): (usize, &Vec<f64>)| (0..n).map(|j| a * own[i] * row[j] * own[j]).collect::<Vec<_>>();
+            let scaled = |(i, row): (usize, &Vec<f64>)| {
+                (0..n).map(|j| a * own[i] * row[j] * own[j]).collect::<Vec<_>>()
+            };
             let rows: Vec<Vec<f64>> = rows.iter().enumerate().map(scaled).collect();
             let q = (0..n).map(|i| b * own[i] * q[i]).collect();
             let problem = DelassusProblem::new(d, Matrix::from_rows(&rows).unwrap(), q, mu.clone()).unwrap();
@@ -841,11 +865,25 @@ fn units_do_not_change_the_course_of_a_run() {
         for _ in 0..3 {
             let (whole, own) = ([draw(60), draw(60)], (0..nc).map(|_| draw(9)).collect::<Vec<_>>());
             let (r, report) = run(2.0, whole, &own);
-            assert_eq!((r, &report.history), (plain.clone(), &first.history), "case {case}");
-            let (r, report) = run(10.0, [whole[0] / 4, whole[1] / 4], &own.iter().map(|k| k / 3).collect::<Vec<_>>());
+            assert_eq!(
+                (r, &report.history),
+                (plain.clone(), &first.history),
+                "case {case}"
+            );
+            let (r, report) = run(
+                10.0,
+                [whole[0] / 4, whole[1] / 4],
+                &own.iter().map(|k| k / 3).collect::<Vec<_>>(),
+            );
             assert_eq!(report.status, DelassusStatus::Solved);
-            let apart = r.iter().zip(&plain).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
-            assert!(apart <= 1e-9 * plain.iter().fold(0.0_f64, |m, v| m.max(v.abs())), "case {case}: {apart:e}");
+            let apart = r
+                .iter()
+                .zip(&plain)
+                .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+            assert!(
+                apart <= 1e-9 * plain.iter().fold(0.0_f64, |m, v| m.max(v.abs())),
+                "case {case}: {apart:e}"
+            );
         }
     }
 }

@@ -140,13 +140,21 @@ impl SmoothFunction for Coupled {
 
 #[test]
 fn a_coupled_curved_row_does_not_excuse_a_contradiction() {
-    for start in [[0.0, 0.0, 0.5], [1e9, 1e9, 0.5], [1e14, -1e14, 0.0], [3.0, 1e17, 1.0]] {
+    for start in [
+        [0.0, 0.0, 0.5],
+        [1e9, 1e9, 0.5],
+        [1e14, -1e14, 0.0],
+        [3.0, 1e17, 1.0],
+    ] {
         let mut x = start;
         let problem = Mcp::equations(Autodiff::new(Coupled(1.0))).unwrap();
         let report = McpSolver::default().solve(&problem, &mut x).unwrap().clone();
         assert!(!report.is_solved(), "{start:?}: {x:?}");
         let mut x = start;
-        assert!(Newton::default().solve(&problem, &mut x).is_err(), "{start:?}: {x:?}");
+        assert!(
+            Newton::default().solve(&problem, &mut x).is_err(),
+            "{start:?}: {x:?}"
+        );
     }
     let mut x = [0.0, 0.0, 0.5];
     let problem = Mcp::equations(Autodiff::new(Coupled(-1.0))).unwrap();
@@ -163,7 +171,10 @@ fn equations_without_constants_are_solved_at_zero() {
         assert_eq!(found.len(), 4, "{start:?}: {found:?}");
         for (name, x) in found {
             let most = start.iter().fold(0.0_f64, |m, s| m.max(s.abs()));
-            assert!(x.iter().all(|x| x.abs() <= 1e-12 * most), "{name} from {start:?}: {x:?}");
+            assert!(
+                x.iter().all(|x| x.abs() <= 1e-12 * most),
+                "{name} from {start:?}: {x:?}"
+            );
         }
     }
 }

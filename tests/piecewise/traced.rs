@@ -567,7 +567,6 @@ impl NonsmoothFunction for Undefined {
     }
 }
 
-
 #[test]
 fn kinks_with_an_undefined_operand_are_undefined_in_every_selection() {
     let map = Traced::new(Undefined);

@@ -604,11 +604,16 @@ fn transport_that_balances_in_decimals_has_a_plan() {
         let set = set.with_equations(matrix(&rows, 6), d.to_vec()).unwrap();
         let plan = AffineFunction::new(Matrix::identity(6), vec![0.0; 6]).unwrap();
         let mut x = [0.0; 6];
-        let report = ViSolver::default().solve(&Vi::new(plan, set).unwrap(), &mut x).unwrap();
+        let report = ViSolver::default()
+            .solve(&Vi::new(plan, set).unwrap(), &mut x)
+            .unwrap();
         assert_eq!(report.status, ViStatus::Solved, "{d:?}");
         for (row, d) in rows.iter().zip(d) {
             let sum: f64 = row.iter().zip(&x).map(|(a, x)| a * x).sum();
-            assert!((sum - d).abs() < 1e-12 && x.iter().all(|x| *x >= 0.0), "{d:?} {x:?}");
+            assert!(
+                (sum - d).abs() < 1e-12 && x.iter().all(|x| *x >= 0.0),
+                "{d:?} {x:?}"
+            );
         }
     }
 }
@@ -623,19 +628,33 @@ fn only_constants_that_may_have_been_rounded_give_way() {
             .with_equations(matrix(&rows, 2), right.to_vec())
             .unwrap()
     };
-    for (right, within_rounding) in [([0.1, 0.2, 0.3], true), ([0.5, 0.25, 0.75], false), ([1.0, 2.0, 3.0], false)] {
+    for (right, within_rounding) in [
+        ([0.1, 0.2, 0.3], true),
+        ([0.5, 0.25, 0.75], false),
+        ([1.0, 2.0, 3.0], false),
+    ] {
         match sum(right).project(&[0.0, 0.0]).unwrap() {
             Projection::Nearest(found) => assert_eq!(found.within_rounding, within_rounding, "{right:?}"),
             empty => panic!("{right:?} {empty:?}"),
         }
     }
     let least = f64::EPSILON;
-    for right in [[1.0, 2.0, 3.0 + 4.0 * least], [0.5, 0.25, 0.75 + 4.0 * least], [0.1, 0.2, 0.3 - 4.0 * least]] {
-        assert!(matches!(sum(right).project(&[0.0, 0.0]).unwrap(), Projection::Empty(_)), "{right:?}");
+    for right in [
+        [1.0, 2.0, 3.0 + 4.0 * least],
+        [0.5, 0.25, 0.75 + 4.0 * least],
+        [0.1, 0.2, 0.3 - 4.0 * least],
+    ] {
+        assert!(
+            matches!(sum(right).project(&[0.0, 0.0]).unwrap(), Projection::Empty(_)),
+            "{right:?}"
+        );
     }
     for (lower, upper) in [(1e-15, 0.0), (0.0, -1e-300), (3.0 + 2.0 * least, 3.0)] {
         let rows = matrix(&[vec![1.0]], 1);
-        let set = Polyhedron::boxed(vec![lower], vec![INF]).unwrap().with_inequalities(rows, vec![upper]).unwrap();
+        let set = Polyhedron::boxed(vec![lower], vec![INF])
+            .unwrap()
+            .with_inequalities(rows, vec![upper])
+            .unwrap();
         match set.project(&[0.3]).unwrap() {
             Projection::Empty(proof) => assert!(proof.value < 0.0 && proof.radius == INF),
             found => panic!("{lower:e} {upper:e} {found:?}"),
@@ -648,12 +667,23 @@ fn only_constants_that_may_have_been_rounded_give_way() {
 fn a_problem_without_a_solution_has_none_in_other_units() {
     let rows = [[0.0, -3.0, 1.0], [0.0, 0.0, 1.0], [0.0, -3.0, 3.0]];
     for unit in [1.0, 2.0_f64.powi(-20), 1e-6, 1e6, 1e-12] {
-        let m: Vec<Vec<f64>> = rows.iter().map(|r| r.iter().map(|v| v * unit).collect()).collect();
-        let f = AffineFunction::new(Matrix::from_rows(&m).unwrap(), [4.0, 3.0, 0.0].map(|q| q * unit).to_vec()).unwrap();
+        let m: Vec<Vec<f64>> = rows
+            .iter()
+            .map(|r| r.iter().map(|v| v * unit).collect())
+            .collect();
+        let f = AffineFunction::new(
+            Matrix::from_rows(&m).unwrap(),
+            [4.0, 3.0, 0.0].map(|q| q * unit).to_vec(),
+        )
+        .unwrap();
         let set = Polyhedron::boxed(vec![-INF; 3], vec![INF; 3]).unwrap();
-        let set = set.with_inequalities(matrix(&[vec![-4.0, 0.0, -4.0]], 3), vec![-2.0]).unwrap();
+        let set = set
+            .with_inequalities(matrix(&[vec![-4.0, 0.0, -4.0]], 3), vec![-2.0])
+            .unwrap();
         let mut x = [0.0; 3];
-        let report = ViSolver::default().solve(&Vi::new(f, set).unwrap(), &mut x).unwrap();
+        let report = ViSolver::default()
+            .solve(&Vi::new(f, set).unwrap(), &mut x)
+            .unwrap();
         assert!(!report.is_solved(), "{unit:e} {x:?}");
     }
 }

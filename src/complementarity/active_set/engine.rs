@@ -4,9 +4,9 @@ use super::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStat
 use crate::complementarity::accuracy::{LARGEST, drop_rounding, point, unit};
 use crate::complementarity::blocks::Blocks;
 use crate::complementarity::columns::BoxLcp;
-use crate::judge::{Columns, Judge};
 use crate::complementarity::problem::natural;
 use crate::complementarity::{BoundState, ComplementarityError};
+use crate::judge::{Columns, Judge};
 use crate::linear::{LinearError, Scaling};
 
 /// Relative accuracy asked of iterative solves while the sets still change much.

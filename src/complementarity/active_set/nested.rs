@@ -7,10 +7,10 @@ use super::{
     ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, MultigridReduced, Start,
 };
 use crate::complementarity::columns::BoxLcp;
-use crate::judge::Columns;
 use crate::complementarity::error::check_finite;
 use crate::complementarity::problem::check_bounds;
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};
+use crate::judge::Columns;
 use crate::linear::{LinearError, Prolongation, Rows, affine_prolongation, coarse_problem};
 
 /// Tolerance on coarser levels, whose solutions are starts only.

@@ -98,6 +98,11 @@ impl Linearisation {
         pairs.all(|((i, _, a), b)| !rows.contains(&i) || (a - b).abs() <= ROUNDING * a.abs())
     }
 
+    /// ∇F, to be overwritten.
+    pub(super) fn room(&mut self) -> &mut Matrix {
+        &mut self.jac
+    }
+
     /// ∇F.
     pub(super) fn jac(&self) -> &Matrix {
         &self.jac

@@ -1,6 +1,7 @@
 //! The report of a solve.
 
 use super::engine::Engine;
+use super::units::measure;
 use super::{BoundState, McpStatus};
 
 impl Engine<'_> {
@@ -65,22 +66,15 @@ impl Engine<'_> {
             }
         }
         self.report.status = status;
-        self.report.residual = self.residual();
         self.report.strategy = self.strategy;
-        let mut complementarity = 0.0_f64;
-        let mut feasibility = 0.0_f64;
         for i in 0..x.len() {
             let (l, u, f) = (self.lower[i], self.upper[i], self.work.here.f[i]);
-            feasibility = feasibility.max(l - x[i]).max(x[i] - u);
-            let gap = if f > 0.0 { x[i] - l } else { u - x[i] };
-            complementarity = complementarity.max(gap.abs().min(f.abs()));
             self.report.states.push(match (x[i] == l, x[i] == u) {
                 (true, _) if f >= 0.0 || l == u => BoundState::Lower,
                 (_, true) if f <= 0.0 => BoundState::Upper,
                 _ => BoundState::Interior,
             });
         }
-        self.report.feasibility = feasibility;
-        self.report.complementarity = if finite { complementarity } else { f64::NAN };
+        measure(self.report, x, &self.work.here.f, self.lower, self.upper);
     }
 }

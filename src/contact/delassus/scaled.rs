@@ -193,7 +193,10 @@ impl<const D: usize> ScaledProblem<D> {
                 .filter(|d| *d > 0.0)
                 .unwrap_or(1.0)
         };
-        let means: Vec<f64> = means.into_iter().map(|d| if d > 1e-13 * largest { d } else { ordinary }).collect();
+        let means: Vec<f64> = means
+            .into_iter()
+            .map(|d| if d > 1e-13 * largest { d } else { ordinary })
+            .collect();
         let first = means.first().copied().unwrap_or(1.0);
         let scale: Vec<f64> = means.iter().map(|d| power_near((first / d).sqrt())).collect();
         let unit = power_near(first.recip());

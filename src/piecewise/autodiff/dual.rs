@@ -47,7 +47,11 @@ impl Real for Dual64 {
         chain(self, self.re.tanh(), 1.0 / cosh / cosh)
     }
     fn powi(self, n: i32) -> Self {
-        let slope = if n == 0 { 0.0 } else { f64::from(n) * Real::powi(self.re, n.saturating_sub(1)) };
+        let slope = if n == 0 {
+            0.0
+        } else {
+            f64::from(n) * Real::powi(self.re, n.saturating_sub(1))
+        };
         chain(self, Real::powi(self.re, n), slope)
     }
     fn powf(self, p: f64) -> Self {
