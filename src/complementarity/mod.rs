@@ -27,7 +27,8 @@
 //!
 //! * xᵢ is at a bound, exactly, and fᵢ has the sign that belongs to it (or both bounds are equal), or
 //! * |fᵢ| ≤ τ Sᵢ with the sum Sᵢ of its terms and constants. Where all of these are rounding (F = x₀ at x₀ = 1e-17, found from 1), Sᵢ is
-//!   Σⱼ |Jᵢⱼ| sⱼ instead, sⱼ the largest of |xⱼ| here and at the start and of what rows of its part see of it, S_k / |J_kj|.
+//!   Σⱼ |Jᵢⱼ| sⱼ instead, sⱼ the largest |x_k| of its part, in units in which J is equilibrated; at the start, too, where a part has
+//!   neither constants nor terms from outside.
 //!
 //! The *parts* are the strongly connected components of J among the unknowns that do not rest at bounds. The largest error in this sense is
 //! [`McpReport::error`]. It does not change with the units of rows and unknowns. Far out more is asked: where J is singular in the part of a

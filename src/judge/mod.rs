@@ -5,11 +5,13 @@
 
 mod columns;
 mod constants;
+mod equilibrate;
 pub(crate) mod laws;
 mod parts;
 mod rows;
 
 pub(crate) use columns::Columns;
 pub(crate) use constants::{Emptiness, slack};
+pub(crate) use equilibrate::{equilibrate, row_sizes};
 pub(crate) use parts::Parts;
 pub(crate) use rows::{Judge, Point, ROUNDING, SUM, Verdict};

@@ -1,7 +1,8 @@
 //! Solved, row by row.
 
-use super::Columns;
 use super::parts::Parts;
+use super::{Columns, equilibrate};
+use crate::sparse::max_abs;
 
 /// Part of its terms below which a residual is rounding: 64 units in the last place of the sum of some dozens of terms.
 pub(crate) const ROUNDING: f64 = 64.0 * f64::EPSILON;
@@ -98,7 +99,7 @@ struct Row {
     variable: f64,
     /// Sum of the constants.
     constant: f64,
-    /// Σⱼ Jᵢⱼ xⱼ, where the constants are not given.
+    /// Σⱼ Jᵢⱼ xⱼ, from which constants follow; later Σ|Jᵢⱼ| mⱼ with the sizes that were met.
     sum: f64,
     /// Σ|Jᵢⱼ| sⱼ with typical sizes s.
     typical: f64,
@@ -114,13 +115,15 @@ impl Row {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Judge {
     rows: Vec<Row>,
-    /// Sizes at which each unknown was met, or which rows of its part see of it.
+    /// Sizes at which unknowns were met.
     met: Vec<f64>,
+    /// Rows with a term that is more than rounding of these.
+    loud: Vec<bool>,
     parts: Parts,
     is_found: bool,
     /// Whether each part is regular, once asked.
     regular: Vec<Option<bool>>,
-    /// Rows of the parts that [`Verdict::distant`] is about.
+    /// The rows that [`Verdict::distant`] is about.
     distant: Vec<usize>,
 }
 
@@ -152,7 +155,7 @@ impl Judge {
         }
     }
 
-    /// The rows that must be straight, if the last verdict [needs](Verdict::needs_straight) it.
+    /// The rows, increasing, that must be straight, if the last verdict [needs](Verdict::needs_straight) it.
     pub(crate) fn distant_rows(&self) -> &[usize] {
         &self.distant
     }
@@ -226,57 +229,88 @@ impl Judge {
         }
     }
 
-    /// `met`, from the start and from what open rows see of the unknowns: of their own part, or all.
-    fn meet(&mut self, p: &Point<'_>, of_own_part: bool) {
+    /// Whether every row that fails may be one whose terms all are rounding: cheap, and yes too often. Known constants never are rounding.
+    fn may_be_homogeneous(&mut self, p: &Point<'_>, tolerance: f64) -> bool {
+        let n = p.x.len();
+        let known = |i: usize| p.rest.is_some_and(|rest| rest[i] != 0.0);
+        if p.sizes.is_some() || (0..n).any(|i| known(i) && !(self.error(p, i) <= tolerance)) {
+            return false;
+        }
+        let all = max_abs(p.x).max(max_abs(p.start));
         self.met.clear();
-        self.met.extend(p.x.iter().map(|x| x.abs()));
-        self.met
-            .iter_mut()
-            .zip(p.start)
-            .for_each(|(m, s)| *m = m.max(s.abs()));
-        let (rows, parts) = (&self.rows, &self.parts);
+        self.met.resize(n, all);
         for (j, met) in self.met.iter_mut().enumerate() {
+            let rows = &self.rows;
             p.jac.each(j, |i, v| {
-                if v != 0.0 && !p.rests(i) && !(of_own_part && parts.of(i) != parts.of(j)) {
+                if v != 0.0 {
                     *met = met.max(rows[i].terms() / v.abs());
                 }
             });
         }
+        self.listen(p);
+        (0..n).all(|i| self.error(p, i) <= tolerance || !self.loud[i])
     }
 
-    /// Σ|Jᵢⱼ| mⱼ for all rows, in their `sum`, with the sizes m that were met.
-    fn sum_met(&mut self, p: &Point<'_>) {
+    /// Finds the sizes at which unknowns were met: the largest of their part, in units in which J is equilibrated; of the start, too, where
+    /// nothing else tells of sizes, neither constants nor unknowns of other parts.
+    fn meet(&mut self, p: &Point<'_>) {
+        self.find_parts(p);
+        let n = p.x.len();
+        let mut unit = vec![1.0; n];
+        if let Columns::Long(jac) = p.jac {
+            equilibrate(jac, &mut vec![0.0; n], &mut unit, &mut vec![0.0; n]);
+        }
+        let mut told: Vec<bool> = self
+            .rows
+            .iter()
+            .map(|row| row.constant > SUM * row.variable)
+            .collect();
+        self.met.clear();
+        self.met.extend(p.x.iter().map(|x| x.abs()));
+        // An unknown's part comes after the parts of all rows that depend on it.
+        for part in (0..self.parts.len()).rev() {
+            let members = self.parts.members(part);
+            let from_start = !p.start.is_empty() && !members.iter().any(|&k| told[k]);
+            let size = |j: usize| {
+                if from_start {
+                    p.x[j].abs().max(p.start[j].abs())
+                } else {
+                    p.x[j].abs()
+                }
+            };
+            let largest = members.iter().fold(0.0_f64, |m, &j| m.max(size(j) / unit[j]));
+            for &j in members {
+                self.met[j] = largest * unit[j];
+                if p.x[j].abs() > ROUNDING * self.met[j] {
+                    p.jac.each(j, |i, v| told[i] |= v != 0.0);
+                }
+            }
+        }
+        self.listen(p);
+    }
+
+    /// Σ|Jᵢⱼ| mⱼ for all rows, in their `sum`, with the sizes m that were met, and which rows have a term beyond rounding of these.
+    fn listen(&mut self, p: &Point<'_>) {
+        self.loud.clear();
+        self.loud.resize(p.x.len(), false);
         self.rows.iter_mut().for_each(|row| row.sum = 0.0);
         for j in 0..p.x.len() {
-            p.jac.each(j, |i, v| self.rows[i].sum += v.abs() * self.met[j]);
+            let is_loud = p.x[j].abs() > ROUNDING * self.met[j];
+            p.jac.each(j, |i, v| {
+                self.rows[i].sum += v.abs() * self.met[j];
+                self.loud[i] |= is_loud && v != 0.0;
+            });
         }
     }
 
-    /// Whether all terms of a row are rounding, given what they were met with: known constants never are.
-    fn is_homogeneous(&self, p: &Point<'_>, i: usize) -> bool {
-        let row = &self.rows[i];
-        p.rest.is_none_or(|rest| rest[i] == 0.0) && row.terms() <= ROUNDING * row.sum && row.sum.is_finite()
-    }
-
-    /// Whether every row that fails may be one whose terms all are rounding: cheap, and yes too often.
-    fn may_be_homogeneous(&mut self, p: &Point<'_>, tolerance: f64) -> bool {
-        if p.sizes.is_some() {
-            return false;
-        }
-        self.meet(p, false);
-        self.sum_met(p);
-        (0..p.x.len()).all(|i| self.error(p, i) <= tolerance || self.is_homogeneous(p, i))
-    }
-
-    /// The largest error, where rows whose terms are rounding are measured at the sizes met.
+    /// The largest error, where rows whose terms and constants are rounding are measured at the sizes met.
     fn error_of_homogeneous(&mut self, p: &Point<'_>, tolerance: f64) -> f64 {
-        self.find_parts(p);
-        self.meet(p, true);
-        self.sum_met(p);
+        self.meet(p);
         (0..p.x.len()).fold(0.0, |worst, i| {
-            let e = self.error(p, i);
-            let eased = match !(e <= tolerance) && self.is_homogeneous(p, i) {
-                true => p.f[i].abs() / self.rows[i].sum,
+            let (e, row) = (self.error(p, i), &self.rows[i]);
+            let is_rounding = !self.loud[i] && row.terms() <= ROUNDING * row.sum;
+            let eased = match !(e <= tolerance) && is_rounding {
+                true => p.f[i].abs() / row.sum,
                 false => e,
             };
             larger(worst, eased)
@@ -339,7 +373,7 @@ impl Judge {
             }
             if self.is_regular(p, part) {
                 distant = larger(distant, own);
-                self.distant.extend_from_slice(self.parts.members(part));
+                self.distant.push(i);
             } else {
                 hidden = larger(hidden, own);
             }

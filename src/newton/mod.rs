@@ -1,7 +1,6 @@
 //! The corrector: Newton's method for piecewise-smooth and semismooth equations.
 
 mod chords;
-mod convergence;
 mod error;
 mod forcing;
 mod inexact;
@@ -15,7 +14,6 @@ mod step;
 mod system;
 mod workspace;
 
-pub(crate) use convergence::equilibrate;
 pub use error::{NewtonError, Unsolved};
 pub use forcing::{Forcing, NewtonKrylovOptions};
 pub use inexact::NewtonKrylov;

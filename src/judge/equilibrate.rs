@@ -6,7 +6,7 @@ use crate::sparse::MatrixRef;
 const SWEEPS: usize = 6;
 
 /// The size of the terms that cancel in each residual, S_i = Σ_j |∂H_i/∂x_j| |x_j|.
-pub(super) fn row_sizes(jac: MatrixRef<'_>, x: &[f64], size: &mut [f64]) {
+pub(crate) fn row_sizes(jac: MatrixRef<'_>, x: &[f64], size: &mut [f64]) {
     size.fill(0.0);
     jac.add_term_sizes(x, size);
 }
