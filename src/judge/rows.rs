@@ -77,8 +77,7 @@ impl Verdict {
 
     /// Whether that depends on rows being straight.
     pub(crate) fn needs_straight(self, tolerance: f64) -> bool {
-        // Written so that NaN needs it.
-        !(self.distant <= tolerance)
+        exceeds(self.distant, tolerance)
     }
 
     /// Whether some residual is not small relative to its terms.
@@ -137,7 +136,7 @@ impl Judge {
         let (mut error, mut failing) = (0.0_f64, 0);
         for i in 0..n {
             let e = self.error(p, i);
-            failing += usize::from(!(e <= tolerance));
+            failing += usize::from(exceeds(e, tolerance));
             error = larger(error, e);
         }
         if failing > 0 && self.may_be_homogeneous(p, tolerance) {
@@ -233,7 +232,7 @@ impl Judge {
     fn may_be_homogeneous(&mut self, p: &Point<'_>, tolerance: f64) -> bool {
         let n = p.x.len();
         let known = |i: usize| p.rest.is_some_and(|rest| rest[i] != 0.0);
-        if p.sizes.is_some() || (0..n).any(|i| known(i) && !(self.error(p, i) <= tolerance)) {
+        if p.sizes.is_some() || (0..n).any(|i| known(i) && exceeds(self.error(p, i), tolerance)) {
             return false;
         }
         let all = max_abs(p.x).max(max_abs(p.start));
@@ -309,7 +308,7 @@ impl Judge {
         (0..p.x.len()).fold(0.0, |worst, i| {
             let (e, row) = (self.error(p, i), &self.rows[i]);
             let is_rounding = !self.loud[i] && row.terms() <= ROUNDING * row.sum;
-            let eased = match !(e <= tolerance) && is_rounding {
+            let eased = match exceeds(e, tolerance) && is_rounding {
                 true => p.f[i].abs() / row.sum,
                 false => e,
             };
@@ -403,6 +402,11 @@ impl Judge {
                 p.x[j] != 0.0 && acts
             })
     }
+}
+
+/// Whether an error is above a tolerance, or NaN.
+fn exceeds(error: f64, tolerance: f64) -> bool {
+    error > tolerance || error.is_nan()
 }
 
 /// The larger one, NaN if there is one.
