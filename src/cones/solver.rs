@@ -6,6 +6,7 @@ use super::run::{Run, between};
 use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay, ConeReport, ConeStatus};
 use crate::clock::Deadline;
 use crate::complementarity::McpFunction;
+use crate::judge::power_below;
 use crate::sparse::{Matrix, Pattern, dot, max_abs};
 
 /// Semismooth Newton method for cone problems.
@@ -149,14 +150,6 @@ impl<'a> Counted<'a> {
         point.clear();
         point.extend(x.iter().map(|x| x * self.unknowns));
         point
-    }
-}
-
-/// The largest power of two that is not above a positive number; 1 for other ones.
-fn power_below(v: f64) -> f64 {
-    match v.is_normal() {
-        true => v.log2().floor().exp2(),
-        false => 1.0,
     }
 }
 

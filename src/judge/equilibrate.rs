@@ -11,6 +11,16 @@ pub(crate) fn row_sizes(jac: MatrixRef<'_>, x: &[f64], size: &mut [f64]) {
     jac.add_term_sizes(x, size);
 }
 
+/// The largest power of two that is not above a positive number; 1 for other ones, and beyond the range in which reciprocals are numbers.
+pub(crate) fn power_below(v: f64) -> f64 {
+    const EXPONENT: u64 = 0x7ff0_0000_0000_0000;
+    let power = f64::from_bits(v.to_bits() & EXPONENT);
+    match v > 0.0 && power.is_normal() && power.recip().is_normal() {
+        true => power,
+        false => 1.0,
+    }
+}
+
 /// Factors that bring the largest entry of every row and column of a matrix near 1 (D. Ruiz, RAL-TR-2001-034).
 pub(crate) fn equilibrate(a: MatrixRef<'_>, row: &mut [f64], col: &mut [f64], max: &mut [f64]) {
     row.fill(1.0);
@@ -51,8 +61,25 @@ pub(crate) fn equilibrate(a: MatrixRef<'_>, row: &mut [f64], col: &mut [f64], ma
 
 #[cfg(test)]
 mod tests {
-    use super::equilibrate;
+    use super::{equilibrate, power_below};
     use crate::sparse::Matrix;
+
+    #[test]
+    fn powers_of_two_are_those_below() {
+        for (v, power) in [
+            (1.0, 1.0),
+            (1.99, 1.0),
+            (0.3, 0.25),
+            (2.0_f64.powi(-300), 2.0_f64.powi(-300)),
+            (1e-310, 1.0),
+            (0.0, 1.0),
+            (-3.0, 1.0),
+            (f64::INFINITY, 1.0),
+            (f64::NAN, 1.0),
+        ] {
+            assert_eq!(power_below(v), power, "{v:e}");
+        }
+    }
 
     /// Rows and columns in units from 1e-12 to 1e12.
     #[test]

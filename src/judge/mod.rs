@@ -12,6 +12,6 @@ mod rows;
 
 pub(crate) use columns::Columns;
 pub(crate) use constants::{Emptiness, slack};
-pub(crate) use equilibrate::{equilibrate, row_sizes};
+pub(crate) use equilibrate::{equilibrate, power_below, row_sizes};
 pub(crate) use parts::Parts;
 pub(crate) use rows::{Judge, Point, ROUNDING, SUM, Verdict};

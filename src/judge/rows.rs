@@ -120,6 +120,9 @@ pub(crate) struct Judge {
     loud: Vec<bool>,
     parts: Parts,
     is_found: bool,
+    /// Factors of rows and units of unknowns in which J is equilibrated.
+    factors: Vec<f64>,
+    columns: Vec<f64>,
     /// Whether each part is regular, once asked.
     regular: Vec<Option<bool>>,
     /// The rows that [`Verdict::distant`] is about.
@@ -152,6 +155,11 @@ impl Judge {
             distant,
             flat: self.is_flat(p),
         }
+    }
+
+    /// The terms and constants of each row at the last point.
+    pub(crate) fn terms(&self) -> impl Iterator<Item = f64> + '_ {
+        self.rows.iter().map(Row::terms)
     }
 
     /// The rows, increasing, that must be straight, if the last verdict [needs](Verdict::needs_straight) it.
@@ -219,9 +227,17 @@ impl Judge {
         worst.unwrap_or(length / p.x[i].abs())
     }
 
-    /// Finds the parts of the unknowns that do not rest at bounds, once a point.
+    /// Finds the parts of the unknowns that do not rest at bounds, and units in which J is equilibrated, once a point.
     fn find_parts(&mut self, p: &Point<'_>) {
         if !std::mem::replace(&mut self.is_found, true) {
+            let n = p.x.len();
+            for units in [&mut self.factors, &mut self.columns] {
+                units.clear();
+                units.resize(n, 1.0);
+            }
+            if let Columns::Long(jac) = p.jac {
+                equilibrate(jac, &mut self.factors, &mut self.columns, &mut vec![0.0; n]);
+            }
             self.parts.find(p.jac, p.x.len(), &|i| !p.rests(i));
             self.regular.clear();
             self.regular.resize(self.parts.len(), None);
@@ -255,10 +271,6 @@ impl Judge {
     fn meet(&mut self, p: &Point<'_>) {
         self.find_parts(p);
         let n = p.x.len();
-        let mut unit = vec![1.0; n];
-        if let Columns::Long(jac) = p.jac {
-            equilibrate(jac, &mut vec![0.0; n], &mut unit, &mut vec![0.0; n]);
-        }
         let mut told: Vec<bool> = self
             .rows
             .iter()
@@ -277,10 +289,12 @@ impl Judge {
                     p.x[j].abs()
                 }
             };
-            let largest = members.iter().fold(0.0_f64, |m, &j| m.max(size(j) / unit[j]));
+            let largest = members
+                .iter()
+                .fold(0.0_f64, |m, &j| m.max(size(j) / self.columns[j]));
             for &j in members {
-                self.met[j] = largest * unit[j];
-                if p.x[j].abs() > ROUNDING * self.met[j] {
+                self.met[j] = largest * self.columns[j];
+                if self.is_loud(p, j) {
                     p.jac.each(j, |i, v| told[i] |= v != 0.0);
                 }
             }
@@ -288,13 +302,24 @@ impl Judge {
         self.listen(p);
     }
 
-    /// Σ|Jᵢⱼ| mⱼ for all rows, in their `sum`, with the sizes m that were met, and which rows have a term beyond rounding of these.
+    /// Whether an unknown is more than rounding: of the size at which it was met, or to a row that has constants.
+    fn is_loud(&self, p: &Point<'_>, j: usize) -> bool {
+        let x = p.x[j].abs();
+        let mut loud = x > ROUNDING * self.met[j];
+        p.jac.each(j, |i, v| {
+            let row = &self.rows[i];
+            loud |= row.constant > SUM * row.variable && v.abs() * x > ROUNDING * row.terms();
+        });
+        loud
+    }
+
+    /// Σ|Jᵢⱼ| mⱼ for all rows, in their `sum`, with the sizes m that were met, and which rows have a term beyond rounding.
     fn listen(&mut self, p: &Point<'_>) {
         self.loud.clear();
         self.loud.resize(p.x.len(), false);
         self.rows.iter_mut().for_each(|row| row.sum = 0.0);
         for j in 0..p.x.len() {
-            let is_loud = p.x[j].abs() > ROUNDING * self.met[j];
+            let is_loud = self.is_loud(p, j);
             p.jac.each(j, |i, v| {
                 self.rows[i].sum += v.abs() * self.met[j];
                 self.loud[i] |= is_loud && v != 0.0;
@@ -330,43 +355,29 @@ impl Judge {
     /// [`Verdict::hidden`] and [`Verdict::distant`], each looked at only where the tolerance asks for it.
     fn hidden(&mut self, p: &Point<'_>, tolerance: f64) -> (f64, f64) {
         let n = p.x.len();
-        let unknown = |row: &Row, i: usize| p.f[i].abs() + SUM * row.variable;
-        // The least part that constants have of the terms, of all rows.
+        // The least part that constants have of the terms, of all rows that have any: a quick look at rows without.
         let mut least = f64::INFINITY;
         for i in (0..n).filter(|&i| !p.rests(i)) {
-            let (constant, row) = (self.constants(p, i), &self.rows[i]);
+            let constant = self.constants(p, i);
             if constant > 0.0 {
-                least = least.min(constant / row.terms());
+                least = least.min(constant / self.rows[i].terms());
             }
         }
-        let square = |unknown: f64, constant: f64| match unknown == 0.0 {
-            true => 0.0,
-            false => (unknown / constant).powi(2),
-        };
         let (mut hidden, mut distant) = (0.0, 0.0);
         for i in (0..n).filter(|&i| !p.rests(i)) {
-            let constant = self.constants(p, i);
-            let row = &self.rows[i];
-            let (unknown, terms) = (unknown(row, i), row.terms());
-            let own = |least: f64| match constant > 0.0 {
-                true => square(unknown, constant),
-                // A row without constants is as far out as the farthest row of its part.
-                false => square(unknown, terms * least),
+            let (constant, row) = (self.constants(p, i), self.rows[i]);
+            let unknown = p.f[i].abs() + SUM * row.variable;
+            let quick = if constant > 0.0 {
+                constant
+            } else {
+                row.terms() * least
             };
-            if own(least) <= tolerance {
+            if square(unknown, quick) <= tolerance {
                 continue;
             }
             self.find_parts(p);
             let Some(part) = self.parts.of(i) else { continue };
-            let least = self.parts.members(part).iter().fold(f64::INFINITY, |m: f64, &k| {
-                let constant = self.constants(p, k);
-                if constant > 0.0 {
-                    m.min(constant / self.rows[k].terms())
-                } else {
-                    m
-                }
-            });
-            let own = own(least);
+            let own = square(unknown, self.constants_of_part(p, part, i));
             if own <= tolerance {
                 continue;
             }
@@ -378,6 +389,20 @@ impl Judge {
             }
         }
         (hidden, distant)
+    }
+
+    /// The constants of a row; where they are rounding of the largest of its part, in units in which J is equilibrated, these.
+    fn constants_of_part(&self, p: &Point<'_>, part: usize, i: usize) -> f64 {
+        let scaled = |k: usize| self.constants(p, k) * self.factors[k];
+        let largest = self
+            .parts
+            .members(part)
+            .iter()
+            .fold(0.0_f64, |m, &k| m.max(scaled(k)));
+        match scaled(i) > ROUNDING * largest {
+            true => self.constants(p, i),
+            false => largest / self.factors[i],
+        }
     }
 
     fn is_regular(&mut self, p: &Point<'_>, part: usize) -> bool {
@@ -401,6 +426,14 @@ impl Judge {
                 p.jac.each(j, |i, _| acts |= empty(i));
                 p.x[j] != 0.0 && acts
             })
+    }
+}
+
+/// The square of what is unknown relative to the constants; 0 where nothing is.
+fn square(unknown: f64, constants: f64) -> f64 {
+    match unknown == 0.0 {
+        true => 0.0,
+        false => (unknown / constants).powi(2),
     }
 }
 

@@ -3,7 +3,7 @@ use std::ops::ControlFlow;
 use super::system::{Evaluation, System};
 use super::workspace::Workspace;
 use super::{Convergence, Damping, Failure, Iteration, NewtonError, NewtonOptions, Step, Unsolved};
-use crate::judge::{Columns, Point, ROUNDING};
+use crate::judge::{Columns, Point, ROUNDING, row_sizes};
 use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::PiecewiseError;
 use crate::sparse::Matrix;
@@ -146,7 +146,7 @@ impl Run<'_> {
                 }
                 Err(e) => return Err(e.into()),
             };
-            if self.step_is_rounding(x, norm, previous_norm, step, evaluation)
+            if self.step_is_rounding(jac, norm, previous_norm, step, evaluation)
                 && self.is_small(jac, x, JUMP)?
             {
                 self.record_last(index, self.best_norm, evaluation);
@@ -317,19 +317,22 @@ impl Run<'_> {
         )
     }
 
-    /// Whether the Newton step is within the rounding of x while the residual no longer decreases.
+    /// Whether the Newton step changes no row by more than the rounding of its terms while the residual no longer decreases.
     fn step_is_rounding(
-        &self,
-        x: &[f64],
+        &mut self,
+        jac: &Matrix,
         norm: f64,
         previous: f64,
         step: Step,
         evaluation: Evaluation,
     ) -> bool {
-        evaluation.settled
-            && step != Step::Gradient
-            && norm >= 0.5 * previous
-            && norm2(&self.work.d) <= 16.0 * f64::EPSILON * norm2(&x[..self.n])
+        if !evaluation.settled || step == Step::Gradient || norm < 0.5 * previous {
+            return false;
+        }
+        let work = &mut *self.work;
+        row_sizes(jac.leading_columns(self.n), &work.d, &mut work.size);
+        let changes = work.size.iter().zip(work.judge.terms());
+        { changes }.all(|(change, terms)| *change <= 16.0 * f64::EPSILON * terms)
     }
 
     /// Whether the residual at the best iterate is the noise of its own evaluation: no larger than the change made by moving

@@ -240,8 +240,12 @@ fn units_do_not_change_the_course_of_a_run() {
         for (rows, unknowns) in [(40, 0), (-70, 33), (5, -90)] {
             let (x, report) = run(2.0_f64.powi(rows), 2.0_f64.powi(unknowns));
             assert_eq!((x, report.error), (plain.clone(), first.error), "case {case}");
-            let courses =
-                [&first, &report].map(|r| r.history.iter().map(|i| [i.merit, i.damping].map(f64::to_bits)).collect::<Vec<_>>());
+            let courses = [&first, &report].map(|r| {
+                r.history
+                    .iter()
+                    .map(|i| [i.merit, i.damping].map(f64::to_bits))
+                    .collect::<Vec<_>>()
+            });
             assert_eq!(courses[0], courses[1], "case {case}");
         }
         let (x, report) = run(1e-9, 1e7);

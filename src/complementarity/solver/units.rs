@@ -6,6 +6,7 @@ use std::cell::RefCell;
 use super::{McpReport, Parts};
 use crate::complementarity::McpFunction;
 use crate::complementarity::problem::natural;
+use crate::judge::power_below;
 use crate::sparse::{Matrix, Pattern};
 
 /// Powers of two by which F is multiplied and x is divided, and bounds in these units.
@@ -78,14 +79,6 @@ impl Units {
         x.iter_mut().for_each(|x| *x *= self.unknowns);
         problem.function.value(x, f);
         measure(report, x, f, problem.lower, problem.upper);
-    }
-}
-
-/// The largest power of two that is not above a positive number; 1 for other ones.
-fn power_below(v: f64) -> f64 {
-    match v.is_normal() {
-        true => v.log2().floor().exp2(),
-        false => 1.0,
     }
 }
 

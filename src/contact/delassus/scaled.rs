@@ -3,13 +3,14 @@ use std::cell::Cell;
 use super::DelassusProblem;
 use super::cone::natural_residual;
 use crate::judge::laws::coulomb;
+use crate::judge::power_below;
 use crate::sparse::max_abs;
 
 /// A vector of blocks, one a contact.
 pub(super) type Vector<const D: usize> = Vec<[f64; D]>;
 pub(super) type Block<const D: usize> = [[f64; D]; D];
 
-/// A problem in scaled variables and block storage: the mean diagonal entry of each contact and ‖q‖∞ are near 1.
+/// A problem in scaled variables and block storage: the mean diagonal entry of each contact and ‖q‖∞ are between ¼ and 4.
 ///
 /// With S = diag(s_i) one positive factor a contact, τ and σ = ‖τ S q‖∞ the scaled problem is τ S M S, τ S q / σ, with r = σ S r̃ and
 /// u = σ (τ S)⁻¹ ũ: cones and the law are invariant under this scaling. All factors are powers of two, τ that of the first contact and s_i
@@ -138,11 +139,6 @@ impl<const D: usize> BlockMatrix<D> {
     }
 }
 
-/// The power of two nearest to a positive number, on a logarithmic scale; its reciprocal is a number, too.
-fn power_near(v: f64) -> f64 {
-    v.log2().round().clamp(-1000.0, 1000.0).exp2()
-}
-
 fn squared<const D: usize>(z: &[f64; D]) -> f64 {
     z.iter().map(|v| v * v).sum()
 }
@@ -198,13 +194,13 @@ impl<const D: usize> ScaledProblem<D> {
             .map(|d| if d > 1e-13 * largest { d } else { ordinary })
             .collect();
         let first = means.first().copied().unwrap_or(1.0);
-        let scale: Vec<f64> = means.iter().map(|d| power_near((first / d).sqrt())).collect();
-        let unit = power_near(first.recip());
+        let scale: Vec<f64> = means.iter().map(|d| power_below((first / d).sqrt())).collect();
+        let unit = power_below(first.recip());
         matrix.scale(&scale, unit);
         let (q, _) = problem.q().as_chunks::<D>();
         let factors = scale.iter().map(|s| unit * s);
         let sigma = (q.iter().zip(factors.clone())).fold(0.0, |m, (q, s)| larger(m, &q.map(|v| s * v)));
-        let sigma = if sigma > 0.0 { power_near(sigma) } else { 1.0 };
+        let sigma = if sigma > 0.0 { power_below(sigma) } else { 1.0 };
         Self {
             friction: problem.friction().to_vec(),
             q: q.iter()
