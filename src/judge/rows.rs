@@ -270,7 +270,6 @@ impl Judge {
     /// nothing else tells of sizes, neither constants nor unknowns of other parts.
     fn meet(&mut self, p: &Point<'_>) {
         self.find_parts(p);
-        let n = p.x.len();
         let mut told: Vec<bool> = self
             .rows
             .iter()
