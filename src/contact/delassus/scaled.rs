@@ -3,18 +3,16 @@ use std::cell::Cell;
 use super::DelassusProblem;
 use super::cone::natural_residual;
 use crate::judge::laws::coulomb;
-use crate::judge::power_below;
 use crate::sparse::max_abs;
 
 /// A vector of blocks, one a contact.
 pub(super) type Vector<const D: usize> = Vec<[f64; D]>;
 pub(super) type Block<const D: usize> = [[f64; D]; D];
 
-/// A problem in scaled variables and block storage: the mean diagonal entry of each contact and ‖q‖∞ are between ¼ and 4.
+/// A problem in scaled variables and block storage: the mean diagonal entry of each contact is 1 and ‖q‖∞ is 1.
 ///
-/// With S = diag(s_i) one positive factor a contact, τ and σ = ‖τ S q‖∞ the scaled problem is τ S M S, τ S q / σ, with r = σ S r̃ and
-/// u = σ (τ S)⁻¹ ũ: cones and the law are invariant under this scaling. All factors are powers of two, τ that of the first contact and s_i
-/// relative to it: in units that differ by powers of two, of the whole or by contacts, the scaled problem is the same to the last bit.
+/// With S = diag(s_i) one positive factor a contact and σ = ‖S q‖∞ the scaled problem is S M S, S q / σ, with r = σ S r̃ and
+/// u = σ S⁻¹ ũ: cones and the law are invariant under this scaling.
 #[derive(Debug, Clone)]
 pub(super) struct ScaledProblem<const D: usize> {
     pub(super) friction: Vec<f64>,
@@ -101,11 +99,11 @@ impl<const D: usize> BlockMatrix<D> {
         self.row[range.clone()].iter().copied().zip(&self.blocks[range])
     }
 
-    /// τ S M S.
-    fn scale(&mut self, s: &[f64], unit: f64) {
+    /// S M S.
+    fn scale(&mut self, s: &[f64]) {
         for j in 0..s.len() {
             for k in self.col_ptr[j]..self.col_ptr[j + 1] {
-                let factor = s[self.row[k]] * s[j] * unit;
+                let factor = s[self.row[k]] * s[j];
                 let entries = self.blocks[k].iter_mut().flatten();
                 entries.for_each(|v| *v *= factor);
             }
@@ -189,22 +187,18 @@ impl<const D: usize> ScaledProblem<D> {
                 .filter(|d| *d > 0.0)
                 .unwrap_or(1.0)
         };
-        let means: Vec<f64> = means
+        let scale: Vec<f64> = means
             .into_iter()
-            .map(|d| if d > 1e-13 * largest { d } else { ordinary })
+            .map(|d| if d > 1e-13 * largest { d } else { ordinary }.sqrt().recip())
             .collect();
-        let first = means.first().copied().unwrap_or(1.0);
-        let scale: Vec<f64> = means.iter().map(|d| power_below((first / d).sqrt())).collect();
-        let unit = power_below(first.recip());
-        matrix.scale(&scale, unit);
+        matrix.scale(&scale);
         let (q, _) = problem.q().as_chunks::<D>();
-        let factors = scale.iter().map(|s| unit * s);
-        let sigma = (q.iter().zip(factors.clone())).fold(0.0, |m, (q, s)| larger(m, &q.map(|v| s * v)));
-        let sigma = if sigma > 0.0 { power_below(sigma) } else { 1.0 };
+        let sigma = (q.iter().zip(&scale)).fold(0.0, |m, (q, s)| larger(m, &q.map(|v| s * v)));
+        let sigma = if sigma > 0.0 { sigma } else { 1.0 };
         Self {
             friction: problem.friction().to_vec(),
             q: q.iter()
-                .zip(factors)
+                .zip(&scale)
                 .map(|(q, s)| q.map(|v| s * v / sigma))
                 .collect(),
             matrix,
@@ -381,8 +375,7 @@ mod tests {
             p.velocities(&p.scale(&r), &mut u);
             let expected = problem.velocities(&r).unwrap();
             for (i, expected) in expected.iter().enumerate() {
-                let unit = problem.q()[i] / p.q[i / 3][i % 3];
-                let found = u[i / 3][i % 3] * unit;
+                let found = u[i / 3][i % 3] * p.sigma / p.scale[i / 3];
                 assert!(
                     (found - expected).abs() < 1e-13 * 100.0,
                     "case {case}: {found} {expected}"
