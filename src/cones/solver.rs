@@ -1,13 +1,12 @@
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 use std::ops::ControlFlow;
 
 use super::ray::ray;
 use super::run::{Run, between};
 use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay, ConeReport, ConeStatus};
 use crate::clock::Deadline;
-use crate::complementarity::McpFunction;
-use crate::judge::power_below;
-use crate::sparse::{Matrix, Pattern, dot, max_abs};
+use crate::complementarity::{AffineFunction, McpFunction};
+use crate::sparse::{Matrix, Pattern, dot};
 
 /// Semismooth Newton method for cone problems.
 ///
@@ -59,10 +58,8 @@ impl ConeSolver {
             let value = x[index];
             return Err(ConeError::NotFinite { index, value });
         }
-        let own = problem;
-        let counted = Counted::new(problem.function(), x.len());
+        let counted = Counted::new(problem.function());
         let problem = ConeProblem::new(&counted as &dyn McpFunction, problem.cones().to_vec())?;
-        x.iter_mut().for_each(|x| *x /= counted.unknowns);
         let deadline = Deadline::after(self.options.max_time);
         let mut run = Run::new(&problem, &self.options, deadline, &mut observe)?;
         let status = run.all_starts(x)?;
@@ -71,6 +68,7 @@ impl ConeSolver {
         x.copy_from_slice(&run.best);
         report.error = run.least;
         let mut room = vec![0.0; x.len()];
+        report.residual = problem.natural_residual(x, &mut room)?;
         let sought = matches!(report.status, ConeStatus::Stalled | ConeStatus::IterationLimit);
         if sought && problem.function().is_affine() {
             let mut stopped = false;
@@ -91,13 +89,7 @@ impl ConeSolver {
                 report.status = ConeStatus::Interrupted;
             }
         }
-        if let Some(ray) = &mut report.ray {
-            ray.direction.iter_mut().for_each(|v| *v *= counted.rows);
-            ray.radius *= counted.unknowns;
-        }
         report.evaluations = counted.evaluations.get();
-        x.iter_mut().for_each(|x| *x *= counted.unknowns);
-        report.residual = own.natural_residual(x, &mut room)?;
         Ok(report)
     }
 }
@@ -109,47 +101,18 @@ fn refutes(ray: &ConeRay, f: &[f64]) -> bool {
     ray.radius == f64::INFINITY || dot(&ray.direction, f) <= HALF
 }
 
-/// F, counting its evaluations; an affine one in units, powers of two, in which neither its coefficients nor solutions are large or small:
-/// a run is the same to the last bit in all units of F and of x that differ by powers of two.
+/// F, counting its evaluations.
 struct Counted<'a> {
     function: &'a dyn McpFunction,
     evaluations: Cell<usize>,
-    /// Factors of F and of x.
-    rows: f64,
-    unknowns: f64,
-    point: RefCell<Vec<f64>>,
 }
 
 impl<'a> Counted<'a> {
-    fn new(function: &'a dyn McpFunction, n: usize) -> Self {
-        let mut point = vec![0.0; n];
-        let (mut rows, mut unknowns) = (1.0, 1.0);
-        if function.is_affine() {
-            let mut matrix = Matrix::zeros(function.pattern());
-            function.jacobian(&point, &mut matrix);
-            let largest = power_below(max_abs(matrix.values()));
-            let mut q = vec![0.0; n];
-            function.value(&point, &mut q);
-            let size = power_below(max_abs(&q)) / largest;
-            if size.is_normal() && (largest * size).recip().is_normal() {
-                (rows, unknowns) = ((largest * size).recip(), size);
-            }
-        }
-        point.clear();
+    fn new(function: &'a dyn McpFunction) -> Self {
         Self {
             function,
             evaluations: Cell::new(0),
-            rows,
-            unknowns,
-            point: RefCell::new(point),
         }
-    }
-
-    fn at(&self, x: &[f64]) -> std::cell::RefMut<'_, Vec<f64>> {
-        let mut point = self.point.borrow_mut();
-        point.clear();
-        point.extend(x.iter().map(|x| x * self.unknowns));
-        point
     }
 }
 
@@ -157,20 +120,23 @@ impl McpFunction for Counted<'_> {
     fn num_vars(&self) -> usize {
         self.function.num_vars()
     }
+    fn num_values(&self) -> usize {
+        self.function.num_values()
+    }
     fn value(&self, x: &[f64], out: &mut [f64]) {
         self.evaluations.set(self.evaluations.get() + 1);
-        self.function.value(&self.at(x), out);
-        out.iter_mut().for_each(|f| *f *= self.rows);
+        self.function.value(x, out);
     }
     fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
-        self.function.jacobian(&self.at(x), jac);
-        let factor = self.rows * self.unknowns;
-        jac.values_mut().iter_mut().for_each(|v| *v *= factor);
+        self.function.jacobian(x, jac);
     }
     fn pattern(&self) -> Pattern {
         self.function.pattern()
     }
     fn is_affine(&self) -> bool {
         self.function.is_affine()
+    }
+    fn coefficients(&self) -> Option<(&AffineFunction, Option<f64>)> {
+        self.function.coefficients()
     }
 }

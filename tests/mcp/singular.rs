@@ -115,7 +115,9 @@ proptest! {
 fn a_solution_beyond_the_digits_of_its_constants_is_found() {
     let (a, b) = ([vec![1e-20, 0.0], vec![1.0, -1.0]], [1.0, 1.0]);
     let found = found(&a, &b, &[0.0, 0.0]);
-    assert_eq!(found.len(), 4, "{found:?}");
+    // Of functions that are not known to be affine McpSolver keeps iterates within 1e10 of the start.
+    let names: Vec<_> = found.iter().map(|f| f.0).filter(|name| *name != "own").collect();
+    assert_eq!(names, ["affine", "active set", "newton"], "{found:?}");
     for (name, x) in found {
         assert!(x.iter().all(|x| (x / 1e20 - 1.0).abs() < 1e-12), "{name}: {x:?}");
     }
