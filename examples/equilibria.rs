@@ -112,7 +112,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
             );
         }
     }
-    let complete = diagram.completeness().is_complete();
+    let complete = !diagram.completeness().is_limited();
     println!(
         "{}, {}",
         count(diagram.edges().len(), "piece of curve", "pieces of curve"),

@@ -216,5 +216,5 @@ fn line(
         let (a, b) = place(&t.x);
         println!("  two test functions vanish at ({a:.6}, {b:.6}): {}", t.kind);
     }
-    Ok(Curve::segments(vertices, styles))
+    Ok(Curve::segments(vertices, styles).with_tangents(&branch, place))
 }

@@ -229,6 +229,12 @@ impl Branch {
         rows(py, self.m, self.found.vertices().iter().map(|v| v.tangent))
     }
 
+    /// The same with those of arrival at transitions, for pictures.
+    #[getter]
+    fn _arrivals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        rows(py, self.m, self.found.vertices().iter().map(|v| v.tangent_before))
+    }
+
     /// The parameter, the last column of ``points``, shape (k,).
     #[getter]
     fn parameter<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {

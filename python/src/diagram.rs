@@ -24,8 +24,8 @@ pub(crate) struct Vertex {
     x: Py<PyArray1<f64>>,
     /// The parameter.
     parameter: f64,
-    /// "start", "pass-through", "fold", "vertical segment", "branching", "branch point", "end", "isolated", "bound", or why the curve was not
-    /// followed further.
+    /// "start", "pass-through", "fold", "vertical segment", "branching", "branch point", "end", "isolated", "continuum" (a region of solutions),
+    /// "bound", or why the curve was not followed further.
     kind: &'static str,
     /// Indices of the edges that leave along its arms; None for an arm that was not followed.
     edges: Vec<Option<usize>>,
@@ -47,6 +47,8 @@ impl Vertex {
 pub(crate) struct Edge {
     /// Its points from end to end, shape (k, m).
     points: Py<PyArray2<f64>>,
+    /// Unit tangents along it, shape (k, m).
+    tangents: Py<PyArray2<f64>>,
     /// The piece of each site on it, by name.
     pieces: Vec<String>,
     /// Indices of the vertices at its ends; equal for a closed curve.
@@ -108,6 +110,7 @@ impl Diagram {
             let selection = e.points.get(e.points.len() / 2).map(|p| &p.selection);
             let edge = Edge {
                 points: rows(py, m, e.points.iter().map(|p| p.x.as_slice()))?.unbind(),
+                tangents: rows(py, m, e.points.iter().map(|p| p.tangent.as_slice()))?.unbind(),
                 pieces: selection.map_or_else(Vec::new, |s| names.owned(s)),
                 ends: (e.from.vertex, e.to.vertex),
                 det_signs: e.det_signs(),
@@ -131,13 +134,20 @@ impl Diagram {
 
 #[pymethods]
 impl Diagram {
-    /// Whether every arm of every vertex was followed to its end or to a bound.
+    /// Whether it is proven that nothing is missing of what is connected with the starts.
     #[getter]
     fn complete(&self) -> bool {
         self.found.completeness().is_complete()
     }
 
-    /// The same in words: "complete within the bounds", or "incomplete: ..." with what was left out.
+    /// Whether something is known to have been left out: a limit was reached, or a point is undecided.
+    #[getter]
+    fn limited(&self) -> bool {
+        self.found.completeness().is_limited()
+    }
+
+    /// The same in words: "complete within the bounds", "complete within the bounds up to steps of ...", "nothing else was found within the
+    /// bounds", or "incomplete: ..." with what was left out.
     #[getter]
     fn completeness(&self) -> String {
         self.found.completeness().to_string()
@@ -324,7 +334,7 @@ fn between(
 /// >>> pitchfork = lambda x: [x[0] ** 3 - x[1] * x[0]]
 /// >>> diagram = ss.diagram(pitchfork, [[0.0, -0.5]], parameter_range=(-1.0, 1.0))
 /// >>> diagram.completeness, sorted(diagram.solutions_at(0.25)[:, 0].round(9).tolist())
-/// ('complete within the bounds', [-0.5, 0.0, 0.5])
+/// ('nothing else was found within the bounds', [-0.5, 0.0, 0.5])
 #[pyfunction]
 #[pyo3(signature = (
     H, starts, parameter_range=None, *, jac=None, pattern=None, lower=None, upper=None, monitors=None,

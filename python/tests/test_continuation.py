@@ -132,7 +132,7 @@ def test_where_makes_a_curve_of_two_formulas():
 
 def test_diagrams_hold_all_arms_and_list_solutions():
     diagram = ss.diagram(lambda x: [x[0] ** 3 - x[1] * x[0]], [[0.0, -0.5]], parameter_range=(-1.0, 1.0))
-    assert diagram.complete and diagram.completeness == "complete within the bounds"
+    assert not diagram.limited and diagram.completeness == "nothing else was found within the bounds"
     np.testing.assert_allclose(np.sort(diagram.solutions_at(0.49)[:, 0]), [-0.7, 0.0, 0.7], atol=1e-12)
     assert diagram.solutions_at(-0.25).shape == (1, 2)
     (center,) = [v for v in diagram.vertices if v.kind == "branch point"]
@@ -142,7 +142,7 @@ def test_diagrams_hold_all_arms_and_list_solutions():
             np.testing.assert_allclose(edge.points[at], diagram.vertices[end].x, atol=1e-7)
     assert sorted(e for branch in diagram.branches for e, _ in branch) == list(range(len(diagram.edges)))
     limited = ss.diagram(lambda x: [x[0] ** 3 - x[1] * x[0]], [[0.0, -0.5]], (-1.0, 1.0), max_edges=1)
-    assert not limited.complete and "limit on edges" in limited.completeness
+    assert limited.limited and "limit on edges" in limited.completeness
 
 
 def test_monitors_and_callbacks_of_diagrams():
@@ -165,7 +165,7 @@ def test_monitors_and_callbacks_of_diagrams():
     assert {"point", "fold", "pass-through"} <= {e["event"] for e in seen}
     assert all(abs(e["x"][0]) + abs(e["x"][1]) == pytest.approx(1, abs=1e-9) for e in seen)
     stopped = ss.diagram(lambda x: [abs(x[0]) + abs(x[1]) - 1], [[0.5, 0.5]], callback=lambda e: True)
-    assert not stopped.complete and "stopped" in stopped.completeness
+    assert stopped.limited and "stopped" in stopped.completeness
     error = KeyError("mine")
 
     def failing(x):
@@ -220,7 +220,7 @@ def point(entry, alpha):
 def test_friction_problems_of_the_talk_have_the_vertices_and_solutions_of_exact_arithmetic(case):
     levels = [(a, [point(s, a) for s in found]) for a, found in zip(case["alphas"], case["solutions"]) if inside(a)]
     diagram = ss.diagram(friction(case), [s for _, found in levels for s in found], WINDOW)
-    assert diagram.complete
+    assert not diagram.limited
     vertices = np.array([v.x for v in diagram.vertices])
     for expected in filter(lambda v: inside(v["alpha"]), case["graph"]["vertices"]):
         distance = np.abs(vertices - point(expected, expected["alpha"])).max(axis=1)
@@ -390,6 +390,58 @@ def test_signs_and_colours_are_those_of_the_crate():
     assert {kind: (m, fill) for kind, (m, _, fill) in _views._MARKERS.items()} == {kind: drawn[s] for kind, s in signs.items()}
     assert list(_views._COLOURS) == [colours[name] for name in ("BLUE", "RED", "GREEN", "PURPLE", "GREY")]
     assert set(_views._KINDS.values()) == set(signs) - {"value"}
+
+
+def test_affine_formulas_are_followed_from_kink_to_kink():
+    branch = ss.follow(beam, [0.0, 0.0], parameter_range=(0.0, 2.0))
+    assert len(branch) == 4
+    np.testing.assert_allclose(branch.points, [[0, 0], [1, 1], [3, 0.5], [3 + 1.5 / 9.75, 2]], atol=1e-12)
+
+    # Any other term, however small, makes a formula curved; constants and factors that vanish do not.
+    def softening(x, term):
+        return [x[0] - 1.25 * ss.maximum(x[0] - 1, 0) + term(*x) - x[1]]
+
+    def length(term):
+        return len(ss.follow(lambda x: softening(x, term), [0.0, 0.0], (0.0, 0.9)))
+
+    straight = [
+        lambda y, a: 0 * y * a,
+        lambda y, a: y / 2 - (np.sqrt(2) * y) ** 1 / 3,
+        lambda y, a: ss.minimum(y, 5) / 7 + abs(y + 9) / 9 - 1,
+        lambda y, a: ss.where(y < 1, y, 2 * y - 1) / 9,
+        lambda y, a: ss.clip(y, -8, 8) / 9,
+    ]
+    assert [length(term) for term in straight] == [2] * len(straight)
+    curved = [lambda y, a: 1e-13 * y * a, lambda y, a: 1e-13 * y**2, lambda y, a: 1e-13 * np.sin(y), lambda y, a: 1e-13 * y / (y + 9)]
+    assert min(length(term) for term in curved) > 5
+
+
+def test_pictures_are_smooth_between_kinks():
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    def drawn(found, **options):
+        ax = found.plot(ax=pyplot.figure().add_subplot(), **options)
+        return [line.get_xydata() for line in ax.lines if line.get_linestyle() in ("-", "--") and len(line.get_xdata())]
+
+    # A part of a circle in a few steps: cubics are far nearer than chords.
+    circle = ss.trace(lambda x: [x[0] ** 2 + x[1] ** 2 - 1], 2)
+    branch = ss.follow(circle, [0.6, -0.8], max_arclength=2.4, min_cos=0.7, step=0.5)
+    (line,) = drawn(branch)
+    off = np.abs(np.linalg.norm(line, axis=1) - 1)
+    chords = np.linalg.norm(0.5 * (branch.points[1:] + branch.points[:-1]), axis=1)
+    assert len(line) > 5 * len(branch) and 1 - chords.min() > 0.02 and off.max() < 0.1 * (1 - chords.min())
+    # What is drawn may be a function.
+    (line,) = drawn(branch, y=lambda x: 3 * x[0] ** 2)
+    np.testing.assert_allclose(line[:, 1], 3 * (1 - line[:, 0] ** 2), atol=0.05)
+    # Polygons have their corners only, and so have edges of diagrams.
+    polygon = drawn(ss.follow(beam, [0.0, 0.0], (0.0, 2.0)))
+    assert [len(part) for part in polygon] == [2, 2, 2]
+    parabola = ss.diagram(lambda x: [x[0] ** 2 - x[1]], [[0.5, 0.25]], (-1.0, 1.0))
+    for part in drawn(parabola):
+        np.testing.assert_allclose(part[:, 0], part[:, 1] ** 2, atol=2e-3)
+    pyplot.close("all")
 
 
 def test_pictures_dash_negative_determinants_and_mark_events():

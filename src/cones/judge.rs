@@ -1,5 +1,7 @@
 //! Whether a point is a solution.
 
+use std::cell::OnceCell;
+
 use super::run::Run;
 use super::{Cone, ConeError};
 use crate::judge::{Columns, Parts, ROUNDING, SUM};
@@ -66,23 +68,26 @@ impl Run<'_> {
                 worst = error;
             }
         }
-        match worst <= self.options.tolerance {
-            true => worst.max(self.hidden()),
-            false => worst,
+        // Straight parts are excused only once the rest is solved, as looking for them takes longer.
+        match worst.is_nan() {
+            true => worst,
+            false => worst.max(self.hidden(worst <= self.options.tolerance)),
         }
     }
 
-    /// Largest square of what error and rounding of a part are relative to its constants, unless half-lines and free variables alone, which
-    /// are straight, determine its unknowns by a regular ∇F of a constant slope: elsewhere the terms may cancel far out whatever the
-    /// constants are. The square lets no more than √τ of the constants pass at a tolerance τ.
-    fn hidden(&self) -> f64 {
+    /// What the error of a part beyond rounding is relative to its constants, and the square of what rounding is relative to them, whichever
+    /// is largest, unless (if `excuse`) half-lines and free variables alone, which are straight, determine its unknowns by a regular ∇F of a constant slope:
+    /// elsewhere the terms may cancel far out whatever the constants are. The square lets no more than √τ of the constants pass at a
+    /// tolerance τ.
+    fn hidden(&self, excuse: bool) -> f64 {
         let constants = self.constant.as_ref().unwrap_or(&self.rest);
+        let typical = OnceCell::new();
         let measure = |k: usize| {
             let range = self.parts[k].range.clone();
             let size = norm(&self.terms[range.clone()]);
             let mut constant = norm(&constants[range]);
             if self.constant.is_none() && constant <= ROUNDING * size {
-                constant = constant.max(self.typical(k));
+                constant = constant.max(typical.get_or_init(|| self.typical())[k]);
             }
             (size, constant)
         };
@@ -101,15 +106,18 @@ impl Run<'_> {
         let (mut found, mut worst) = (None, 0.0_f64);
         for (k, &b) in self.block.iter().enumerate() {
             let (size, constant) = measure(k);
-            let unknown = self.errors[k] + SUM;
+            let beyond = (self.errors[k] - ROUNDING).max(0.0);
             let share = if constant > 0.0 { constant / size } else { least[b] };
-            let hidden = if size > 0.0 {
-                (unknown / share).powi(2)
-            } else {
-                0.0
+            let hidden = match size > 0.0 {
+                true => (beyond / share).max((SUM / share).powi(2)),
+                false => 0.0,
             };
             let first = self.parts[k].range.start;
             if hidden <= self.options.tolerance || rests(first) {
+                continue;
+            }
+            if !excuse {
+                worst = worst.max(hidden);
                 continue;
             }
             let jac = Columns::Long(self.jac.as_ref());
@@ -135,10 +143,12 @@ impl Run<'_> {
         worst
     }
 
-    /// The terms of a part at x = 1.
-    fn typical(&self, k: usize) -> f64 {
-        let own = |e: &(usize, usize, f64)| self.owner[e.0] == k;
-        self.jac.triplets().filter(own).map(|e| e.2.abs()).sum()
+    /// The terms of each part at x = 1.
+    fn typical(&self) -> Vec<f64> {
+        let mut sums = vec![0.0; self.parts.len()];
+        let entries = self.jac.triplets();
+        entries.for_each(|(i, _, v)| sums[self.owner[i]] += v.abs());
+        sums
     }
 
     /// Sizes below which entries of each cone are not distinguished from zero, in `room`: rounding errors of projections are relative to

@@ -74,8 +74,8 @@ pub struct ConeReport {
     /// Largest ‖x_b/X − P(x_b/X − F_b/S_b)‖₂ over the cones b. X is the largest |xᵢ| in the block of b (the cones connected by entries of
     /// J), S_b the norm of the terms Σⱼ |Jᵢⱼ xⱼ| + |Fᵢ − Σⱼ Jᵢⱼ xⱼ| of its rows, where xⱼ in a cone counts with at least 1e-4 of the norm
     /// of its entries or of the size at which constants are as large as the other terms, whichever is less. The units of x and of F in a
-    /// cone do not change it. Far out, where error and rounding of a cone exceed √tolerance of its constants, it is the square of that
-    /// share, unless half-lines and free variables of an affine F alone determine these unknowns, by a regular J. The point is solved where
+    /// cone do not change it. Beside constants of a cone that are small compared with its terms it is their share of the error beyond
+    /// rounding, or the square of that of the rounding, whichever is largest, unless half-lines and free variables of an affine F alone determine these unknowns, by a regular J. The point is solved where
     /// this is at most the tolerance.
     pub error: f64,
     /// Iterations, over all starts.

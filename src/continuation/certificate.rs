@@ -1,7 +1,7 @@
 //! Certificates of local uniqueness at points of a curve.
 
-use super::event::arms::vanishing_at;
-use super::event::coincidence::keep_inside;
+use super::point::active::vanishing_at;
+use super::point::coincidence::keep_inside;
 use super::{Branch, ContinuationError, ContinuationOptions, Transition};
 use crate::piecewise::{
     ActiveSet, LocalUniqueness, PiecewiseSmooth, Selection, TestLayout, check_vector, local_uniqueness,

@@ -11,7 +11,7 @@ use crate::sparse::{Matrix, norm};
 use crate::spread::golden;
 
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
-const SINGULAR: f64 = 1e-7;
+pub(super) const SINGULAR: f64 = 1e-7;
 
 /// A point of the curve, with its tangent, selection, signs and test functions.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -23,6 +23,10 @@ pub(super) struct State {
     /// Sign of det [∇H^(σ); tᵀ].
     pub(super) orientation: Option<i8>,
     pub(super) det_sign: Option<i8>,
+    /// Sign of α̇ on the curve beyond this point: at a fold that of the arm which leaves it, where α̇ is its own rounding error that of the
+    /// points before; 0 on vertical segments. `None` until it is needed.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) heading: Option<i8>,
     /// Relative rate at which the regularity of ∇H^(σ) falls along the tangent: the inverse of the distance at which a
     /// singular point is to be expected. `None` at singular points.
     #[cfg_attr(feature = "serde", serde(default))]
@@ -49,6 +53,8 @@ pub(super) struct Watch<'a> {
     /// Sign of the function before its next zero; 0 as long as it has vanished exactly. Kept apart from values, which are rounding
     /// errors at a zero that has just been passed.
     pub(super) side: f64,
+    /// Whether the sign changes within the step at hand without a zero: at a pole or a jump.
+    pub(super) jumped: bool,
 }
 
 impl Watch<'_> {
@@ -85,6 +91,8 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) creeping: usize,
     pub(super) queue: VecDeque<Event>,
     pub(super) termination: Option<Termination>,
+    /// Whether all arms are wanted at each event, as in a diagram, rather than the one along which the curve goes on.
+    pub(super) every_arm: bool,
     pub(super) start: Vec<f64>,
     /// Started if time is limited.
     pub(super) clock: Option<Clock>,
@@ -132,6 +140,7 @@ impl<'a, M> Curve<'a, M> {
             creeping: self.creeping,
             queue: self.queue,
             termination: self.termination,
+            every_arm: self.every_arm,
             start: self.start,
             clock: self.clock,
             over: self.over,
@@ -236,10 +245,17 @@ impl<'a> Curve<'a> {
         }
     }
 
-    /// The sign of det ∇_yH; zero on vertical segments, where α̇ is the rounding error of an ill-conditioned kernel.
+    /// The sign of det ∇_yH = sign det [∇H; tᵀ] · sign α̇; zero at folds and on vertical segments, where α̇ is the rounding error of an
+    /// ill-conditioned kernel.
     pub(super) fn det_sign_here(&self) -> Option<i8> {
-        let vertical = self.here.t.last().is_some_and(|t| t.abs() <= SINGULAR);
-        self.here.det_sign.map(|s| if vertical { 0 } else { s })
+        let rate = self.here.t.last().copied().unwrap_or(0.0);
+        match (self.here.heading, self.here.orientation) {
+            (Some(heading), Some(orientation)) if rate != 0.0 => Some(heading * orientation),
+            _ => self
+                .here
+                .det_sign
+                .map(|s| if rate.abs() <= SINGULAR { 0 } else { s }),
+        }
     }
 
     /// Deadline of searches for arms.
@@ -371,6 +387,7 @@ mod tests {
         assert_eq!(curve.point().det_sign, Some(1));
         for rate in [1e-17, -1e-12, 0.0] {
             curve.here.t = vec![1.0, rate];
+            curve.here.heading = Some(0);
             assert_eq!(curve.point().det_sign, Some(0));
         }
     }

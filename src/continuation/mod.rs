@@ -9,6 +9,7 @@ mod error;
 mod event;
 mod natural;
 mod options;
+mod point;
 mod pursuit;
 mod record;
 #[cfg(feature = "serde")]
@@ -31,7 +32,8 @@ pub use diagram::{
     DiagramVertex, EdgeEnd, Limit, Progress, SectionProgress, SolutionsAt, VertexArm, VertexKind,
 };
 pub use error::ContinuationError;
-pub use options::{ContinuationOptions, Strategy};
+pub use options::{ContinuationOptions, StepRule, Strategy};
+pub use point::{Certainty, PointAnalysis, PointDoubt, arms_at};
 pub(crate) use pursuit::pursue;
 pub use record::{
     Arm, BranchPoint, Event, MonitorCrossing, Point, PointKind, SiteChange, SmoothFold, Termination,
@@ -41,6 +43,6 @@ pub use save::SavedRun;
 pub use search::{
     FoundBy, FoundSolution, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
 };
-pub use start::{Direction, arms_at};
+pub use start::Direction;
 pub use two_parameters::{CharacterChange, FoldSet, TransitionSet};
 pub use vertices::BranchVertex;

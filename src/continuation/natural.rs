@@ -28,6 +28,7 @@ impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
             Event::BranchPoint(b) => {
                 self.unscale_point(&mut b.point);
                 self.unscale_arms(&mut b.arms);
+                self.unscale_arms(std::slice::from_mut(&mut b.arrival));
             }
             Event::Transition(t) => {
                 self.reported_tests(&t.x, &mut t.test_functions);
@@ -35,6 +36,7 @@ impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
                 self.unscale_direction(&mut t.tangent_before);
                 self.unscale_direction(&mut t.tangent_after);
                 self.unscale_arms(&mut t.arms);
+                self.unscale_arms(std::slice::from_mut(&mut t.arrival));
                 t.arclength *= self.parameter_size();
             }
         }
@@ -49,6 +51,7 @@ impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
     pub(super) fn unscale_arms(&self, arms: &mut [Arm]) {
         for arm in arms {
             self.unscale_direction(&mut arm.tangent);
+            self.unscale(&mut arm.probe);
         }
     }
 }

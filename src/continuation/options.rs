@@ -11,13 +11,36 @@ pub enum Strategy {
     /// Frozen selection between transitions, an exact stop at each, a choice of arm there.
     #[default]
     Located,
-    /// The algorithm of Haslinger, Janovský and Ligurský: the selection is that of the active set at each iterate; steps are
-    /// halved down to `min_step` in front of a kink, then the vanishing test functions give a new selection. Transitions are
-    /// accurate to `min_step` only, and the curve may jump to another branch; kept to reproduce published runs.
+    /// The algorithm of Haslinger, Janovský and Ligurský (2012): the selection is that of the active set at
+    /// each iterate; steps are halved down to `min_step` in front of a kink, then the vanishing test
+    /// functions give a new selection. Transitions are accurate to `min_step` only, and the curve may jump to
+    /// another branch; kept to reproduce published runs, with
+    /// [`haslinger_janovsky_ligursky`](ContinuationOptions::haslinger_janovsky_ligursky), which says what the
+    /// talk on it leaves open.
     Switching,
 }
 
-/// Options of the continuation. The defaults suit most problems.
+/// How [`Strategy::Switching`] chooses the length of the next step (Step 7: "according to the rate of
+/// convergence of the corrections"). In both rules a step that had to be halved is followed by none
+/// that is longer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum StepRule {
+    /// h · `growth`: whatever converges counts as fast. The printed runs are reproduced with it.
+    #[default]
+    Growth,
+    /// h · √(¼/κ), at least h · `shrink` and at most h · `growth`, where κ = ‖X² − X¹‖/‖X¹ − X⁰‖ of the
+    /// corrections (0 where one was enough). The rate κ of Newton's method is proportional to h² (Allgower,
+    /// Georg (1990): *Numerical Continuation Methods*, section 6.1); with κ = ¼ it converges safely and fast
+    /// (Deuflhard (2011): *Newton Methods for Nonlinear Problems*, section 5.1).
+    Convergence,
+}
+
+/// Options of the continuation. The defaults suit most problems. Those on steps and corrections have no
+/// effect where all pieces are affine
+/// ([`PiecewiseSmooth::is_piecewise_affine`](crate::piecewise::PiecewiseSmooth::is_piecewise_affine)) and
+/// kinks are located: curves go from kink to kink.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
@@ -36,6 +59,8 @@ pub struct ContinuationOptions {
     pub max_step: f64,
     /// Factor by which an easy step grows, at least 1. Default 1.3.
     pub growth: f64,
+    /// How the next step follows from the last under [`Strategy::Switching`]. Default [`StepRule::Growth`].
+    pub step_rule: StepRule,
     /// Factor by which a rejected step shrinks, in (0, 0.95]. Default 0.5.
     pub shrink: f64,
     /// ε: bound on ‖H‖₂ of a corrected point; absolute under [`Strategy::Switching`], relative to the size of the terms that
@@ -92,6 +117,7 @@ impl Default for ContinuationOptions {
             min_step: 1e-8,
             max_step: 1.0,
             growth: 1.3,
+            step_rule: StepRule::Growth,
             shrink: 0.5,
             residual_tolerance: 1e-11,
             step_tolerance: 1e-8,
@@ -113,10 +139,25 @@ impl Default for ContinuationOptions {
 }
 
 impl ContinuationOptions {
-    /// The settings printed in the talk of Haslinger, Janovský and Ligurský, with their algorithm: ε = ε' = 1e-6,
-    /// h_min = 1e-5, h = 0.05, k_max = 10, growth × 1.3 up to 1, halving.
+    /// The algorithm of Haslinger, Janovský and Ligurský (2012), *Qualitative analysis of solutions to
+    /// discrete static contact problems with Coulomb friction*, with the settings and the steps printed in
+    /// their talk on it: ε = ε' = 1e-6, h_min = 1e-5, h = 0.05, k_max = 10.
+    ///
+    /// What is left open there is chosen here, so that the printed points come out at the printed indices:
+    /// - Step 5 halves h, to h_min at least (`shrink`).
+    /// - Step 7 multiplies h by 1.3 (`growth`), up to 1 (`max_step`), but not after a step that had to be
+    ///   halved. [`StepRule::Convergence`] goes by the rate of convergence instead.
+    /// - Step 6 takes test functions as vanishing that do so within 10 h_min along the tangent, and the first
+    ///   active selection whose tangent, oriented by the sign of det \[∇H; τᵀ\], enters its own cell. The
+    ///   point is corrected for the new selection, and h starts at 1.3 · 0.05.
+    ///
+    /// Corrections that converge are rejected, in Step 4, which is not printed either, where the tangents at
+    /// both ends of the step are at an angle whose cosine is below `min_cos` = 0.97, where the new point is
+    /// further from the old one than 3 h, and where the selection of the last iterate is another one and
+    /// ‖H^(σ)‖ ≥ ε for the selection σ of the old point: each of them would pass a kink, or jump to another
+    /// branch, unnoticed.
     #[must_use]
-    pub fn seed() -> Self {
+    pub fn haslinger_janovsky_ligursky() -> Self {
         Self {
             strategy: Strategy::Switching,
             min_step: 1e-5,
@@ -137,6 +178,8 @@ impl ContinuationOptions {
         with_max_step(max_step: f64);
         /// Sets the factor by which an easy step grows.
         with_growth(growth: f64);
+        /// Sets how the next step follows from the last under [`Strategy::Switching`].
+        with_step_rule(step_rule: StepRule);
         /// Sets the factor by which a rejected step shrinks.
         with_shrink(shrink: f64);
         /// Sets the bound on ‖H‖₂ of a corrected point.

@@ -20,7 +20,8 @@ pub struct Point {
     pub arclength: f64,
     /// ‖H(x)‖₂.
     pub residual_norm: f64,
-    /// Sign of det ∇_yH^(σ), where the solver provides determinants; 0 when singular (|α̇| ≤ 1e-7).
+    /// Sign of det ∇_yH^(σ), where the solver provides determinants; 0 at folds, and where the curve is vertical: where α̇ does not exceed its
+    /// rounding error (on polygons, and on arrival at transitions and branch points, 1e-7).
     pub det_sign: Option<i8>,
     /// Number of corrections spent on it.
     pub corrections: usize,
@@ -113,6 +114,38 @@ pub struct Arm {
     pub tangent: Vec<f64>,
     /// Sites in whose cell boundary the arm runs (grazing), increasing.
     pub grazing: Vec<usize>,
+    /// Sign of α − α* along the arm, α* the parameter of the point: that of the first order of its expansion in which α moves; 0 where α is
+    /// constant along it, a vertical segment.
+    pub direction: i8,
+    /// Sign of det ∇_yH^(σ) along the arm, where the solver provides determinants; 0 on vertical segments.
+    pub det_sign: Option<i8>,
+    /// A corrected point of the arm next to the point, where its tangent does not tell it from others; else empty.
+    pub(super) probe: Vec<f64>,
+}
+
+impl Arm {
+    /// The arm along a tangent that is known to first order.
+    pub(super) fn along(
+        selection: Selection,
+        tangent: Vec<f64>,
+        grazing: Vec<usize>,
+        det_sign: Option<i8>,
+    ) -> Self {
+        let rate = tangent.last().copied().unwrap_or(0.0);
+        let direction = match det_sign {
+            Some(0) => 0,
+            _ if rate == 0.0 => 0,
+            _ => rate.signum() as i8,
+        };
+        Self {
+            selection,
+            tangent,
+            grazing,
+            direction,
+            det_sign,
+            probe: Vec::new(),
+        }
+    }
 }
 
 /// A site whose piece changes at a transition.
@@ -174,6 +207,8 @@ pub struct Transition {
     pub kind: TransitionKind,
     /// All arms that leave x, but the one on which the curve arrived. The curve continues along `followed`.
     pub arms: Vec<Arm>,
+    /// The arm along which the curve arrived, as it leaves the point.
+    pub arrival: Arm,
     /// Index in `arms` of the arm that is followed, if any.
     pub followed: Option<usize>,
     /// Whether all active selections were examined and none is undecided, within tolerances: no limit was reached.
@@ -236,6 +271,8 @@ pub struct BranchPoint {
     pub singular: Selection,
     /// All arms that leave, but the one on which the curve arrived.
     pub arms: Vec<Arm>,
+    /// The arm along which the curve arrived, as it leaves the point.
+    pub arrival: Arm,
     /// Index in `arms` of the arm that is followed, if any.
     pub followed: Option<usize>,
     /// Whether all active selections were examined and their branching equations decided, within tolerances.

@@ -93,6 +93,11 @@ impl Curve<'_> {
                 (norm(&self.here.t) - 1.0).abs(),
                 EXACT,
             )?;
+            if let Some(heading) = self.here.heading {
+                let rate = self.here.t.last().copied().unwrap_or(0.0);
+                let fits = (-1..=1).contains(&heading) && f64::from(heading) * rate >= -TANGENT;
+                agree("the direction of the parameter", f64::from(u8::from(!fits)), 0.0)?;
+            }
             self.check_direction()?;
         }
         Ok(())

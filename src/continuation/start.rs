@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 
 use super::engine::{Curve, Solver, State, generic_probe, term_size};
-use super::event::arms::Arms;
 use super::event::watch::Departure;
+use super::point::{Arms, PointDoubt};
 use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
 use crate::clock::Clock;
 use crate::linear::{AutoSolver, LinearSolver};
@@ -144,40 +144,35 @@ fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, Co
 }
 
 fn no_arm(arms: &Arms, wanted: &'static str) -> ContinuationError {
-    const NAMED: usize = 8;
     let found = arms.list.len();
     if arms.complete {
         return ContinuationError::NoArm { wanted, found };
     }
-    let Some(undecided) = &arms.undecided else {
-        return ContinuationError::UndecidedArms {
-            wanted,
-            found,
-            kernel: 0,
-            variables: Vec::new(),
-            reason: "a limit ended the search (a stop, max_time, max_nodes, max_selections, or a kernel of more than 600 rows): raise it, or start \
-                     elsewhere"
+    let (kernel, variables, reason) = match &arms.undecided {
+        Some(doubt @ PointDoubt::Kernel { dimension, variables }) => (
+            *dimension,
+            variables.clone(),
+            format!(
+                "{doubt}, to rounding. There the solutions at this parameter are not unique, or rows of H depend on each other: choose among \
+                 them by a small regularisation (ε x_j added to the rows of these variables), or drop unknowns that do not matter. Or units of \
+                 the unknowns lie so far apart that rounding hides what is regular: give `typical_sizes`"
+            ),
+        ),
+        Some(doubt) if *doubt != PointDoubt::Budget => (0, Vec::new(), format!("{doubt}; start elsewhere")),
+        _ => (
+            0,
+            Vec::new(),
+            "a limit ended the search (a stop, max_time, max_nodes, max_selections, or a kernel of more than 600 rows): raise it, or start \
+             elsewhere"
                 .to_owned(),
-        };
-    };
-    let variables = undecided.variables.clone();
-    let names: Vec<String> = variables.iter().take(NAMED).map(|j| format!("x[{j}]")).collect();
-    let more = match variables.len().saturating_sub(NAMED) {
-        0 => String::new(),
-        more => format!(" and {more} more"),
+        ),
     };
     ContinuationError::UndecidedArms {
         wanted,
         found,
-        kernel: undecided.dimension,
-        reason: format!(
-            "kernel of dimension {} along {}{more}, to rounding. There the solutions at this parameter are not unique, or rows of H depend on \
-             each other: choose among them by a small regularisation (ε x_j added to the rows of these variables), or drop unknowns that do not matter. Or \
-             units of the unknowns lie so far apart that rounding hides what is regular: give `typical_sizes`",
-            undecided.dimension,
-            names.join(", ")
-        ),
+        kernel,
         variables,
+        reason,
     }
 }
 
@@ -217,7 +212,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         Ok(Self::of(curve))
     }
 
-    /// Starts at `x` along a given arm (of a transition or branch point, or from [`arms_at`]).
+    /// Starts at `x` along a given arm (of a transition or branch point, or from [`arms_at`](crate::continuation::arms_at)).
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -253,26 +248,6 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver + Send + 'a> Continuation<
     }
 }
 
-/// All arms of the solution set at a solution x, and whether the list is complete to first order.
-///
-/// # Complexity
-/// Up to 16 active selections are tried one by one, a factorisation each. Where there are more, kᵖ for p sites with k active pieces each, a
-/// pruned search looks for those that have an arm: exponential in p in the worst case, ended by
-/// [`max_nodes`](ContinuationOptions::max_nodes), [`max_selections`](ContinuationOptions::max_selections) and
-/// [`max_time`](ContinuationOptions::max_time).
-///
-/// # Errors
-/// As [`Continuation::new`].
-pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
-    x: &[f64],
-    options: &ContinuationOptions,
-) -> Result<(Vec<Arm>, bool), ContinuationError> {
-    let mut curve = Curve::prepare(map, x, options.clone(), Box::new(solver()))?;
-    let arms = curve.erased_mut().arms_here()?;
-    Ok((arms.list, arms.complete))
-}
-
 /// Starts of any type as slices.
 pub(super) fn slices<S: AsRef<[f64]>>(starts: &[S]) -> Vec<&[f64]> {
     starts.iter().map(AsRef::as_ref).collect()
@@ -291,10 +266,26 @@ impl<'a> Curve<'a> {
             self.map.scale_direction(v);
         }
         let vanishing = self.met_here()?;
-        let arms = self.all_arms(&vanishing)?;
+        let rate = match &direction {
+            Direction::Increasing => Some(1.0),
+            Direction::Decreasing => Some(-1.0),
+            Direction::Along(_) => None,
+        };
+        let mut arms = self.arms_with(&vanishing, rate)?;
+        let found = |curve: &Self, arms: &Arms| {
+            vanishing.is_empty() || choose_start(arms, &direction).is_ok_and(|arm| curve.is_tangent(arm))
+        };
+        if let Some(rate) = rate
+            && !found(self, &arms)
+        {
+            if let Some((arm, beside)) = self.arm_beside(rate, &arms)? {
+                return self.leave_from_beside(&arm, beside);
+            }
+            arms = self.all_arms(&vanishing)?;
+        }
         let arm = choose_start(&arms, &direction)?;
         self.adopt(arm, &vanishing)?;
-        self.doubt_orientation()?;
+        self.doubt_orientation(arm)?;
         self.emit_start();
         Ok(())
     }
@@ -311,23 +302,17 @@ impl<'a> Curve<'a> {
         }
         let mut arm = arm.clone();
         self.map.scale_direction(&mut arm.tangent);
+        self.map.scale(&mut arm.probe);
         let vanishing = self.vanishing_here(&[]);
         self.adopt(&arm, &vanishing)?;
-        self.doubt_orientation()?;
+        self.doubt_orientation(&arm)?;
         self.emit_start();
         Ok(())
     }
 
-    fn arms_here(&mut self) -> Result<Arms, ContinuationError> {
-        let vanishing = self.met_here()?;
-        let mut arms = self.all_arms(&vanishing)?;
-        self.map.unscale_arms(&mut arms.list);
-        Ok(arms)
-    }
-
     /// The vanishing test functions at a start. One that does not vanish to rounding counts only if a curve across its facet passes as
     /// near: with directions of very different stiffness it may be far away.
-    fn met_here(&mut self) -> Result<Vec<Vanishing>, ContinuationError> {
+    pub(super) fn met_here(&mut self) -> Result<Vec<Vanishing>, ContinuationError> {
         let found = self.vanishing_here(&[]);
         let mut met = Vec::with_capacity(found.len());
         for v in found {
@@ -389,6 +374,7 @@ impl Start {
             theta,
             orientation: None,
             det_sign: None,
+            heading: None,
             decline: None,
             residual_norm: 0.0,
             s: 0.0,
@@ -437,7 +423,7 @@ fn prepared<'a, 'b>(
 }
 
 /// A curve from x, which lies on it.
-fn prepared_on<'a, 'b>(
+pub(super) fn prepared_on<'a, 'b>(
     map: &'b dyn PiecewiseSmooth,
     x: &[f64],
     options: ContinuationOptions,
@@ -488,6 +474,7 @@ pub(super) fn prepare_at<'a, 'b>(
         creeping: 0,
         queue: VecDeque::new(),
         termination: None,
+        every_arm: false,
         earlier: (0, 0),
         rates: Vec::new(),
         departure: Departure::default(),
@@ -521,8 +508,9 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
         let mut this = prepared_on(&map, x, options)?.with_map(map);
+        this.every_arm = true;
         this.erased_mut().leave_along(arm)?;
-        if singular {
+        if singular && arm.probe.is_empty() {
             this.here.orientation = None;
             this.here.det_sign = None;
             this.here.decline = None;

@@ -16,6 +16,12 @@ impl Plane {
         let options = ContinuationOptions::default();
         Continuation::new(self, &[y, alpha], Direction::Increasing, options).unwrap()
     }
+
+    /// The curve through x along a direction.
+    pub(super) fn curve_along(&self, x: [f64; 2], direction: [f64; 2]) -> Continuation<'_, Self> {
+        let options = ContinuationOptions::default();
+        Continuation::new(self, &x, Direction::Along(direction.to_vec()), options).unwrap()
+    }
 }
 
 impl Curve<'_> {

@@ -16,6 +16,8 @@ pub struct BranchVertex<'a> {
     pub event: &'a str,
     /// Unit tangent on departure; where the curve ends, on arrival.
     pub tangent: &'a [f64],
+    /// Unit tangent on arrival, in the direction of travel; at the start that of departure.
+    pub tangent_before: &'a [f64],
     /// The selection on departure.
     pub selection: &'a Selection,
     /// Sites in whose cell boundary the curve continues, increasing.
@@ -41,6 +43,7 @@ impl<'a> BranchVertex<'a> {
             x: &point.x,
             event,
             tangent: &point.tangent,
+            tangent_before: &point.tangent,
             selection: &point.selection,
             grazing: &point.grazing,
             det_sign: point.det_sign,
@@ -65,6 +68,7 @@ impl<'a> From<&'a Transition> for BranchVertex<'a> {
             x: &t.x,
             event: t.kind.name(),
             tangent: &t.tangent_after,
+            tangent_before: &t.tangent_before,
             selection: &t.after,
             grazing: &[],
             det_sign: t.det_sign,

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use super::EnumerationError;
 use crate::clock::Deadline;
@@ -47,16 +48,8 @@ pub(crate) fn local_selections(
 }
 
 struct Local<'a> {
-    map: &'a dyn PiecewiseSmooth,
-    x: &'a [f64],
-    active: &'a ActiveSet,
-    vanishing: VanishingTests,
-    jac: Matrix,
-    solver: AutoSolver,
-    direction: Vec<f64>,
+    newton: Directional<'a>,
     found: BTreeSet<Selection>,
-    solves: usize,
-    deadline: Deadline<'a>,
 }
 
 /// The vanishing test functions of an active set, with their gradients.
@@ -98,37 +91,27 @@ impl<'a> Local<'a> {
         active: &'a ActiveSet,
         deadline: Deadline<'a>,
     ) -> Result<Self, EnumerationError> {
-        let jac = Matrix::zeros(map.pattern());
-        let mut solver = AutoSolver::default();
-        solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;
         Ok(Self {
-            vanishing: VanishingTests::new(map, x, active),
-            map,
-            x,
-            active,
-            jac,
-            solver,
-            direction: Vec::new(),
+            newton: Directional::new(map, x, active, deadline)?,
             found: BTreeSet::new(),
-            solves: 0,
-            deadline,
         })
     }
 
     /// Solves from a selection and from all that differ at one site from one found, the last one found first; `false` at the cap on solves
     /// or time.
     fn explore(&mut self, start: Selection, rate: f64, max_solves: usize) -> Result<bool, EnumerationError> {
-        let sites = self.active.degenerate_sites();
+        let sites = self.newton.active.degenerate_sites();
         // A selection found, and how many sites and pieces of the next site remain.
         let mut finds: Vec<(Selection, usize, usize)> = Vec::new();
         let mut next = Some(start);
         loop {
-            if let Some(selection) = next.take() {
-                if self.solves >= max_solves || self.deadline.is_over() {
+            if let Some(mut selection) = next.take() {
+                if self.newton.solves >= max_solves || self.newton.deadline.is_over() {
                     return Ok(false);
                 }
-                if let Some(found) = self.solve(selection, rate)? {
-                    finds.push((found, sites.len(), 0));
+                let stop = self.newton.solve(&mut selection, rate)?;
+                if stop != NewtonStop::Nowhere && self.found.insert(selection.clone()) {
+                    finds.push((selection, sites.len(), 0));
                 }
             }
             let Some((found, below, left)) = finds.last_mut() else {
@@ -149,6 +132,66 @@ impl<'a> Local<'a> {
                 next = Some(near);
             }
         }
+    }
+}
+
+/// Newton's method on the directional problem H'(x; (ẏ, α̇)) = 0 with a given α̇: each iterate solves the linear problem of one selection,
+/// and the next selection is the one into whose cell its direction points.
+pub(crate) struct Directional<'a> {
+    map: &'a dyn PiecewiseSmooth,
+    x: &'a [f64],
+    active: &'a ActiveSet,
+    vanishing: VanishingTests,
+    /// For each degenerate site the positions of its vanishing test functions.
+    tests: Vec<Range<usize>>,
+    jac: Matrix,
+    solver: AutoSolver,
+    direction: Vec<f64>,
+    /// Derivatives of the vanishing test functions along the direction, relative to their gradients and to the direction.
+    rates: Vec<f64>,
+    solves: usize,
+    deadline: Deadline<'a>,
+}
+
+/// Where Newton's method on the directional problem ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum NewtonStop {
+    /// At a selection with its direction in its cell.
+    Arm,
+    /// At a selection with a singular ∇_yH^(σ), which may have arms of its own.
+    Singular,
+    /// In a cycle, or at a limit.
+    Nowhere,
+}
+
+impl<'a> Directional<'a> {
+    pub(crate) fn new(
+        map: &'a dyn PiecewiseSmooth,
+        x: &'a [f64],
+        active: &'a ActiveSet,
+        deadline: Deadline<'a>,
+    ) -> Result<Self, EnumerationError> {
+        let jac = Matrix::zeros(map.pattern());
+        let mut solver = AutoSolver::default();
+        solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;
+        let vanishing = VanishingTests::new(map, x, active);
+        let of_site = |&(site, _): &(usize, Vec<usize>)| {
+            let first = vanishing.common.partition_point(|v| v.site < site);
+            first..vanishing.common.partition_point(|v| v.site <= site)
+        };
+        Ok(Self {
+            tests: active.degenerate_sites().iter().map(of_site).collect(),
+            vanishing,
+            map,
+            x,
+            active,
+            jac,
+            solver,
+            direction: Vec::new(),
+            rates: Vec::new(),
+            solves: 0,
+            deadline,
+        })
     }
 
     /// The direction of a selection with the given α̇; `false` where ∇_yH^(σ) is singular.
@@ -176,58 +219,59 @@ impl<'a> Local<'a> {
         }
     }
 
-    /// Newton's method from a selection; once a selection recurs, only the first violated site changes its piece (Murty 1974).
-    /// Returns a selection that has its direction in its cell, if it is new.
-    fn solve(&mut self, start: Selection, rate: f64) -> Result<Option<Selection>, EnumerationError> {
-        let mut selection = start;
+    /// Moves the selection to one that has its direction in its cell; once a selection recurs, only the first violated site changes its
+    /// piece (Murty 1974).
+    pub(crate) fn solve(
+        &mut self,
+        selection: &mut Selection,
+        rate: f64,
+    ) -> Result<NewtonStop, EnumerationError> {
         let mut seen = BTreeSet::new();
         let mut one_at_a_time = false;
         for _ in 0..SOLVES {
             if self.deadline.is_over() {
-                return Ok(None);
+                break;
             }
             if !seen.insert(selection.clone()) {
                 if one_at_a_time {
-                    return Ok(None);
+                    break;
                 }
                 one_at_a_time = true;
                 seen.clear();
             }
-            if !self.linear(&selection, rate)? {
-                let new = self.found.insert(selection.clone());
-                return Ok(new.then_some(selection));
+            if !self.linear(selection, rate)? {
+                return Ok(NewtonStop::Singular);
             }
-            if !self.correct(&mut selection, one_at_a_time) {
-                let new = self.found.insert(selection.clone());
-                return Ok(new.then_some(selection));
+            if !self.correct(selection, one_at_a_time) {
+                return Ok(NewtonStop::Arm);
             }
         }
-        Ok(None)
+        Ok(NewtonStop::Nowhere)
     }
 
     /// Changes the selection to the pieces whose cells the direction enters; `false` if they are the present ones.
-    fn correct(&self, selection: &mut Selection, only_one: bool) -> bool {
+    fn correct(&mut self, selection: &mut Selection, only_one: bool) -> bool {
         let length = norm(&self.direction);
         let vanishing = self.vanishing.of(self.map, selection, self.x);
-        let margin = |site: usize, piece: usize| -> f64 {
-            let mut least = f64::INFINITY;
-            for v in vanishing.iter().filter(|v| v.site == site) {
-                let rate = v.rate(&self.direction);
-                for facet in self.map.cell(site, piece).iter().filter(|f| f.test() == v.test) {
-                    least =
-                        least.min(facet.sign() * rate / (v.gradient_norm * length).max(f64::MIN_POSITIVE));
-                }
-            }
-            least
-        };
+        let relative =
+            |v: &Vanishing| v.rate(&self.direction) / (v.gradient_norm * length).max(f64::MIN_POSITIVE);
+        self.rates.clear();
+        self.rates.extend(vanishing.iter().map(relative));
         let mut changed = false;
-        for (site, pieces) in self.active.degenerate_sites() {
-            if margin(*site, selection.piece(*site)) >= -TANGENTIAL {
+        for ((site, pieces), tests) in self.active.degenerate_sites().iter().zip(&self.tests) {
+            let margin = |piece: usize| -> f64 {
+                let cell = self.map.cell(*site, piece);
+                let known = vanishing[tests.clone()].iter().zip(&self.rates[tests.clone()]);
+                let of_test = |(v, rate): (&Vanishing, &f64)| {
+                    let facets = cell.iter().filter(|f| f.test() == v.test);
+                    facets.fold(f64::INFINITY, |least, f| least.min(f.sign() * rate))
+                };
+                known.map(of_test).fold(f64::INFINITY, f64::min)
+            };
+            if margin(selection.piece(*site)) >= -TANGENTIAL {
                 continue;
             }
-            let best = pieces
-                .iter()
-                .max_by(|a, b| margin(*site, **a).total_cmp(&margin(*site, **b)));
+            let best = pieces.iter().max_by(|a, b| margin(**a).total_cmp(&margin(**b)));
             if let Some(&piece) = best.filter(|p| **p != selection.piece(*site)) {
                 selection.set(*site, piece);
                 changed = true;

@@ -41,6 +41,6 @@ pub(crate) use arms::directional_selections;
 pub use arms::{DirectionalArm, DirectionalArms, all_arms};
 pub use error::EnumerationError;
 pub use lists::{Completeness, Continuum, Doubt, Solution, SolutionSet};
-pub(crate) use local::local_selections;
+pub(crate) use local::{Directional, NewtonStop, local_selections};
 pub use options::EnumerationOptions;
 pub use solutions::{all_solutions, all_solutions_until};

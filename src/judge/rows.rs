@@ -60,10 +60,12 @@ pub(crate) struct Verdict {
     /// Largest residual of a component relative to the terms and constants of its row; where all of these are rounding, relative to the
     /// row at the sizes that were met.
     pub(crate) error: f64,
-    /// Largest square of what residual and rounding are relative to the constants, over rows whose part of the Jacobian is singular: there
-    /// the terms cancel whatever the constants are, and the square lets no more than √τ of them pass at a tolerance τ.
+    /// Over rows whose part of the Jacobian is singular, where the terms cancel whatever the constants are: the largest residual beyond
+    /// rounding relative to the constants, and the largest square of what rounding is relative to them, which lets no more than √τ of them
+    /// pass at a tolerance τ.
     pub(crate) hidden: f64,
-    /// The same over rows whose part is regular: nothing is hidden there if the rows are straight.
+    /// Over rows whose part is regular, the largest square of what residual and rounding are relative to the constants: nothing is hidden
+    /// there if the rows are straight.
     pub(crate) distant: f64,
     /// Whether a row vanishes with all its terms although its unknowns do not: flat, or its numbers underflow.
     pub(crate) flat: bool,
@@ -108,6 +110,11 @@ impl Row {
     fn terms(&self) -> f64 {
         self.variable + self.constant
     }
+
+    /// Whether all terms and constants are rounding of the row at the sizes that were met, with which `sum` was made.
+    fn is_rounding(&self) -> bool {
+        self.terms() <= ROUNDING * self.sum
+    }
 }
 
 /// Decides whether points are solutions; keeps its buffers.
@@ -116,8 +123,6 @@ pub(crate) struct Judge {
     rows: Vec<Row>,
     /// Sizes at which unknowns were met.
     met: Vec<f64>,
-    /// Rows with a term that is more than rounding of these.
-    loud: Vec<bool>,
     parts: Parts,
     is_found: bool,
     /// Factors of rows and units of unknowns in which J is equilibrated.
@@ -262,8 +267,8 @@ impl Judge {
                 }
             });
         }
-        self.listen(p);
-        (0..n).all(|i| self.error(p, i) <= tolerance || !self.loud[i])
+        self.add_up(p);
+        (0..n).all(|i| self.error(p, i) <= tolerance || self.rows[i].is_rounding())
     }
 
     /// Finds the sizes at which unknowns were met: the largest of their part, in units in which J is equilibrated; of the start, too, where
@@ -298,7 +303,7 @@ impl Judge {
                 }
             }
         }
-        self.listen(p);
+        self.add_up(p);
     }
 
     /// Whether an unknown is more than rounding: of the size at which it was met, or to a row that has constants.
@@ -312,17 +317,11 @@ impl Judge {
         loud
     }
 
-    /// Σ|Jᵢⱼ| mⱼ for all rows, in their `sum`, with the sizes m that were met, and which rows have a term beyond rounding.
-    fn listen(&mut self, p: &Point<'_>) {
-        self.loud.clear();
-        self.loud.resize(p.x.len(), false);
+    /// Σ|Jᵢⱼ| mⱼ for all rows, in their `sum`, with the sizes m that were met.
+    fn add_up(&mut self, p: &Point<'_>) {
         self.rows.iter_mut().for_each(|row| row.sum = 0.0);
         for j in 0..p.x.len() {
-            let is_loud = self.is_loud(p, j);
-            p.jac.each(j, |i, v| {
-                self.rows[i].sum += v.abs() * self.met[j];
-                self.loud[i] |= is_loud && v != 0.0;
-            });
+            p.jac.each(j, |i, v| self.rows[i].sum += v.abs() * self.met[j]);
         }
     }
 
@@ -331,8 +330,7 @@ impl Judge {
         self.meet(p);
         (0..p.x.len()).fold(0.0, |worst, i| {
             let (e, row) = (self.error(p, i), &self.rows[i]);
-            let is_rounding = !self.loud[i] && row.terms() <= ROUNDING * row.sum;
-            let eased = match exceeds(e, tolerance) && is_rounding {
+            let eased = match exceeds(e, tolerance) && row.is_rounding() {
                 true => p.f[i].abs() / row.sum,
                 false => e,
             };
@@ -365,26 +363,32 @@ impl Judge {
         let (mut hidden, mut distant) = (0.0, 0.0);
         for i in (0..n).filter(|&i| !p.rests(i)) {
             let (constant, row) = (self.constants(p, i), self.rows[i]);
-            let unknown = p.f[i].abs() + SUM * row.variable;
+            let (left, rounding) = (p.f[i].abs(), SUM * row.variable);
+            let (beyond, most) = ((left - rounding).max(0.0), ROUNDING * row.variable);
             let quick = if constant > 0.0 {
                 constant
             } else {
                 row.terms() * least
             };
-            if square(unknown, quick) <= tolerance {
+            let singular = |c: f64| larger(share(beyond, c), share(most, c).powi(2));
+            if singular(quick) <= tolerance {
                 continue;
             }
             self.find_parts(p);
             let Some(part) = self.parts.of(i) else { continue };
-            let own = square(unknown, self.constants_of_part(p, part, i));
-            if own <= tolerance {
+            let constant = self.constants_of_part(p, part, i);
+            let if_singular = singular(constant);
+            if if_singular <= tolerance {
                 continue;
             }
-            if self.is_regular(p, part) {
-                distant = larger(distant, own);
+            if !self.is_regular(p, part) {
+                hidden = larger(hidden, if_singular);
+                continue;
+            }
+            let if_regular = share(left + rounding, constant).powi(2);
+            if exceeds(if_regular, tolerance) {
+                distant = larger(distant, if_regular);
                 self.distant.push(i);
-            } else {
-                hidden = larger(hidden, own);
             }
         }
         (hidden, distant)
@@ -428,11 +432,11 @@ impl Judge {
     }
 }
 
-/// The square of what is unknown relative to the constants; 0 where nothing is.
-fn square(unknown: f64, constants: f64) -> f64 {
+/// What is unknown relative to the constants; 0 where nothing is.
+fn share(unknown: f64, constants: f64) -> f64 {
     match unknown == 0.0 {
         true => 0.0,
-        false => (unknown / constants).powi(2),
+        false => unknown / constants,
     }
 }
 

@@ -36,6 +36,26 @@ pub(crate) fn least_singular_value(a: &Matrix) -> Result<(f64, Vec<f64>), Linear
     Ok((values.last().copied().unwrap_or(0.0), vector))
 }
 
+/// The singular value decomposition of a matrix.
+pub(crate) struct Decomposition {
+    /// All right singular vectors, those of the largest singular values first; the last ones span the kernel.
+    pub(crate) right: Vec<Vec<f64>>,
+    /// All left singular vectors, in the same order. Those of equal singular values need not be the images of the right ones.
+    pub(crate) left: Vec<Vec<f64>>,
+    /// Singular values, largest first; as many as the shorter side.
+    pub(crate) values: Vec<f64>,
+}
+
+/// The singular value decomposition of `a`; dense, O(n³) operations, n the longer side.
+///
+/// # Errors
+/// As [`null_space`].
+pub(crate) fn decompose(a: &Matrix) -> Result<Decomposition, LinearError> {
+    let (left, _) = right_kernel(&a.transpose(), 1.0)?;
+    let (right, values) = right_kernel(a, 1.0)?;
+    Ok(Decomposition { right, left, values })
+}
+
 /// Basis of {v : A v = 0} and the singular values.
 fn right_kernel(a: &Matrix, rtol: f64) -> Result<(Vec<Vec<f64>>, Vec<f64>), LinearError> {
     let (m, n) = (a.nrows(), a.ncols());

@@ -46,7 +46,7 @@ pub use eigen::{eigenvalues, generalized_eigenvalues, symmetric_eigenvalues};
 pub use error::LinearError;
 pub(crate) use gmres::Gmres;
 pub use incomplete_lu::{IncompleteLu, Preconditioner};
-pub(crate) use kernel::least_singular_value;
+pub(crate) use kernel::{Decomposition, decompose, least_singular_value};
 pub use kernel::{NullSpace, null_space};
 pub use krylov::{Krylov, KrylovEnd, KrylovMethod, KrylovReport};
 pub(crate) use memory::dense_zeros;

@@ -1,6 +1,7 @@
 //! The corrector: Newton's method for piecewise-smooth and semismooth equations.
 
 mod chords;
+mod enclosed;
 mod error;
 mod forcing;
 mod inexact;
@@ -14,6 +15,7 @@ mod step;
 mod system;
 mod workspace;
 
+pub(crate) use enclosed::{regular_radius, step_enclosure};
 pub use error::{NewtonError, Unsolved};
 pub use forcing::{Forcing, NewtonKrylovOptions};
 pub use inexact::NewtonKrylov;

@@ -67,6 +67,18 @@ pub struct Correction {
     pub residual_norm: f64,
     /// ‖X^k − X^(k−1)‖₂ of the last iteration.
     pub step_norm: f64,
+    /// The rate of convergence at the beginning, ‖X² − X¹‖₂/‖X¹ − X⁰‖₂; 0 where one iteration was enough.
+    pub rate: f64,
+}
+
+impl Correction {
+    /// Notes the length of the step of an iteration, counted from 1, and the rate at the second.
+    fn compare(&mut self, iteration: usize, step: f64) {
+        if iteration == 2 && self.step_norm > 0.0 {
+            self.rate = step / self.step_norm;
+        }
+        self.step_norm = step;
+    }
 }
 
 impl<L: LinearSolver> MoorePenrose<L> {

@@ -44,6 +44,72 @@ impl<L: LinearSolver> MoorePenrose<L> {
         mean.is_finite().then_some(mean)
     }
 
+    /// Entry k of the tangent at x, to first order in the error of `t`, and what rounding may have changed it by: errors of one rounding in
+    /// the terms of ∇H t, as a mean over their signs, and displacements of x by `moves`. Uses the last factors, which must be those of x.
+    /// `None` where it cannot be estimated.
+    ///
+    /// # Errors
+    /// Entries outside the pattern.
+    pub(crate) fn entry_of_tangent<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &Selection,
+        (x, t): (&[f64], &[f64]),
+        k: usize,
+        moves: &[Vec<f64>],
+    ) -> Result<Option<(f64, f64)>, PiecewiseError> {
+        let (mut unit, mut weights) = (vec![0.0; x.len()], vec![0.0; self.r.len()]);
+        unit[k] = 1.0;
+        if self.bordered.solve_transpose(&unit, t, &mut weights).is_err() {
+            return Ok(None);
+        }
+        row_sizes(self.jac.as_ref(), t, &mut self.r);
+        let terms = self.r.iter().zip(&weights).map(|(r, w)| (r * w).powi(2));
+        let mut rounding = f64::EPSILON * terms.sum::<f64>().sqrt();
+        // To first order the tangent is t less the solution of ∇H d = ∇H t across it.
+        let mut off = |this: &Self| {
+            this.jac.mul_vec(t, &mut unit[..weights.len()]);
+            dot(&weights, &unit[..weights.len()])
+        };
+        let own = off(self);
+        for moved in moves {
+            let y: Vec<f64> = x.iter().zip(moved).map(|(x, m)| x + m).collect();
+            self.assemble(map, selection, &y)?;
+            rounding += (off(self) - own).abs();
+        }
+        let entry = t[k] - own;
+        Ok((entry.is_finite() && rounding.is_finite()).then_some((entry, rounding)))
+    }
+
+    /// The rate of entry k of the unit tangent along the curve at x, by central differences of ∇H over a distance. Uses the last factors, which
+    /// must be those of x. `None` where it cannot be found.
+    ///
+    /// # Errors
+    /// Entries outside the pattern.
+    pub(crate) fn turn_of_entry<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &Selection,
+        (x, t): (&[f64], &[f64]),
+        k: usize,
+        distance: f64,
+    ) -> Result<Option<f64>, PiecewiseError> {
+        let (mut unit, mut weights) = (vec![0.0; x.len()], vec![0.0; self.r.len()]);
+        unit[k] = 1.0;
+        if self.bordered.solve_transpose(&unit, t, &mut weights).is_err() {
+            return Ok(None);
+        }
+        // ∇H ṫ = −(d/ds ∇H) t across t.
+        let mut rate = 0.0;
+        for h in [distance, -distance] {
+            let y: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + h * t).collect();
+            self.assemble(map, selection, &y)?;
+            self.jac.mul_vec(t, &mut self.r);
+            rate -= dot(&weights, &self.r) / (2.0 * h);
+        }
+        Ok(rate.is_finite().then_some(rate))
+    }
+
     /// Upper estimate, by inverse iteration, of the least singular value of ∇H^(σ)(x) with its rows divided by `sizes`; 0 where the
     /// factorisation fails.
     pub(crate) fn least_singular_value<P: PiecewiseSmooth + ?Sized>(

@@ -4,6 +4,7 @@ use super::draw::plane::{Point, Range};
 use crate::contact::ContactState;
 use crate::continuation::{Branch, Diagram, DiagramEdge, Point as CurvePoint, TransitionKind, VertexKind};
 use crate::piecewise::Selection;
+use crate::sparse::distance;
 
 /// An sRGB colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -155,10 +156,37 @@ fn is_negative(ends: [Option<i8>; 2]) -> bool {
     ends.into_iter().flatten().find(|s| *s != 0) == Some(-1)
 }
 
-/// A curve in the plane: a polyline with a style for each segment, and marks.
+/// The direction in the plane in which a curve leaves x along `tangent`, or, for a negative step, arrives
+/// there: the one-sided difference quotient of second order over that step in x.
+fn direction(place: &impl Fn(&[f64]) -> Point, x: &[f64], tangent: &[f64], step: f64) -> Point {
+    let at = |s: f64| {
+        place(
+            &x.iter()
+                .zip(tangent)
+                .map(|(x, t)| x + s * t)
+                .collect::<Vec<f64>>(),
+        )
+    };
+    let (here, near, far) = (place(x), at(step), at(2.0 * step));
+    let rate = |pick: fn(Point) -> f64| (4.0 * pick(near) - 3.0 * pick(here) - pick(far)) / (2.0 * step);
+    (rate(|p| p.0), rate(|p| p.1))
+}
+
+/// The directions at both ends of a segment, given as points with their tangents on departure and on arrival.
+fn directions(place: &impl Fn(&[f64]) -> Point, [(x0, t0), (x1, t1)]: [(&[f64], &[f64]); 2]) -> [Point; 2] {
+    // Far enough for the rounding of the coordinates, and near enough for their curvature, to turn the
+    // direction by less than is seen.
+    let step = 1e-4 * distance(x0, x1);
+    [direction(place, x0, t0, step), direction(place, x1, t1, -step)]
+}
+
+/// A curve in the plane, with a style for each segment, and marks. Curves of branches and edges are drawn
+/// with their tangents, smooth between kinks; others are polylines.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Curve {
     pub(super) vertices: Vec<Point>,
+    /// Directions at both ends of each segment, of any length; none for a polyline.
+    pub(super) tangents: Vec<[Point; 2]>,
     pub(super) styles: Vec<SegmentStyle>,
     pub(super) marks: Vec<(Marker, Point)>,
     /// Whether arrows show the orientation.
@@ -209,8 +237,9 @@ impl Curve {
             vertices: walk.iter().map(|v| place(v.x)).collect(),
             styles: styles.collect(),
             marks: marks.collect(),
-            arrows: false,
+            ..Self::default()
         }
+        .with_tangents(branch, place)
     }
 
     /// An edge of an explored diagram, without marks; dashed where det ∇_yH < 0. `ordinate` and `style` as in
@@ -224,8 +253,29 @@ impl Curve {
             let negative = is_negative([ends[0].det_sign, ends[1].det_sign]);
             style(&ends[0].selection, &ends[0].grazing).with_dashes(negative)
         });
-        let vertices = edge.points.iter().map(|p| (p.parameter(), ordinate(&p.x)));
-        Self::segments(vertices.collect(), styles.collect())
+        let place = |x: &[f64]| (x.last().copied().unwrap_or(f64::NAN), ordinate(x));
+        let vertices = edge.points.iter().map(|p| place(&p.x));
+        let tangents = edge.points.windows(2).map(|w| {
+            let ends = [&w[0], &w[1]].map(|p| (p.x.as_slice(), p.tangent.as_slice()));
+            directions(&place, ends)
+        });
+        Self {
+            tangents: tangents.collect(),
+            ..Self::segments(vertices.collect(), styles.collect())
+        }
+    }
+
+    /// Draws the line through all points of a branch ([`Branch::vertices`], [`Branch::polyline`]) with the
+    /// tangents there, smooth between kinks: `place` is the map from x to the plane that gave the vertices of
+    /// this curve.
+    #[must_use]
+    pub fn with_tangents(mut self, branch: &Branch, place: impl Fn(&[f64]) -> (f64, f64)) -> Self {
+        let walk = branch.vertices();
+        let segments = walk.windows(2);
+        self.tangents = segments
+            .map(|w| directions(&place, [(w[0].x, w[0].tangent), (w[1].x, w[1].tangent_before)]))
+            .collect();
+        self
     }
 
     /// Marks points of one kind.
@@ -326,7 +376,9 @@ impl Panel {
                 VertexKind::PassThrough => Some(Marker::Transition),
                 VertexKind::Fold => Some(Marker::Fold),
                 VertexKind::Vertical => Some(Marker::Vertical),
-                VertexKind::Branching | VertexKind::BranchPoint => Some(Marker::Branching),
+                VertexKind::Branching | VertexKind::BranchPoint | VertexKind::Continuum => {
+                    Some(Marker::Branching)
+                }
                 VertexKind::End => Some(Marker::End),
                 VertexKind::Isolated => Some(Marker::Isolated),
                 VertexKind::Start | VertexKind::Bound | VertexKind::Limit(_) => None,
@@ -375,6 +427,20 @@ impl Panel {
             Ok(())
         };
         let (log_x, log_y) = self.logarithmic;
+        // Values that are not positive are refused below.
+        let slope = |rate: &mut f64, value: f64, logarithmic: bool| {
+            if logarithmic {
+                *rate /= value * std::f64::consts::LN_10;
+            }
+        };
+        for curve in &mut self.curves {
+            for (ends, rates) in curve.vertices.windows(2).zip(&mut curve.tangents) {
+                for (place, rate) in ends.iter().zip(rates) {
+                    slope(&mut rate.0, place.0, log_x);
+                    slope(&mut rate.1, place.1, log_y);
+                }
+            }
+        }
         let curves = self.curves.iter_mut();
         let of_curves =
             curves.flat_map(|c| c.vertices.iter_mut().chain(c.marks.iter_mut().map(|m| &mut m.1)));

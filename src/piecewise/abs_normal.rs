@@ -14,7 +14,7 @@ use crate::exact::Exact;
 const MAX_WORK: usize = 1 << 23;
 
 /// An affine form of few unknowns: a constant, and coefficients in the order of the unknowns.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Terms {
     pub(crate) constant: Exact,
     pub(crate) terms: Vec<(usize, Exact)>,
@@ -62,6 +62,18 @@ impl Terms {
         }
     }
 
+    /// Whether it is a multiple of another form, 0 among them.
+    pub(crate) fn is_multiple_of(&self, other: &Self) -> bool {
+        let (Some((unknown, b)), false) = (other.terms.first(), *self == Self::default()) else {
+            return *self == Self::default();
+        };
+        let own = self.terms.iter().find(|t| t.0 == *unknown);
+        own.is_some_and(|(_, a)| {
+            let none = Self::default();
+            none.plus(b, self) == none.plus(a, other)
+        })
+    }
+
     /// The form over the given number of unknowns, each in the given place.
     pub(crate) fn form(&self, unknowns: usize, place: impl Fn(usize) -> usize) -> ExactForm {
         let mut form = ExactForm::zero(unknowns);
@@ -102,10 +114,12 @@ struct Written {
 pub(crate) enum Affine<'t> {
     /// A number without rounding.
     Number(f64),
+    /// A number with rounding, which has no exact coefficients.
+    Rounded(f64),
     /// A form on the tape.
     Form(&'t Tape, usize),
-    /// Anything else.
-    Other,
+    /// Anything else that is computed from the variables of a tape.
+    Other(&'t Tape),
 }
 
 /// A formula in abs-normal form.
@@ -154,7 +168,7 @@ impl Tape {
         written.work += 1 + form.terms.len();
         if written.work > MAX_WORK {
             written.lost = true;
-            return Affine::Other;
+            return Affine::Other(self);
         }
         written.forms.push(form);
         Affine::Form(self, written.forms.len() - 1)
@@ -177,14 +191,30 @@ impl<'t> Affine<'t> {
         match self {
             Self::Number(value) => Terms::number(value),
             Self::Form(tape, index) => tape.written.borrow().forms.get(index).cloned(),
-            Self::Other => None,
+            Self::Rounded(_) | Self::Other(_) => None,
         }
     }
 
     fn tape(self) -> Option<&'t Tape> {
         match self {
-            Self::Form(tape, _) => Some(tape),
-            _ => None,
+            Self::Form(tape, _) | Self::Other(tape) => Some(tape),
+            Self::Number(_) | Self::Rounded(_) => None,
+        }
+    }
+
+    /// The value where it depends on no variable, else NaN.
+    fn number(self) -> f64 {
+        match self {
+            Self::Number(value) | Self::Rounded(value) => value,
+            Self::Form(..) | Self::Other(_) => f64::NAN,
+        }
+    }
+
+    /// What has no exact coefficients: computed from variables, or the given number.
+    fn inexact(self, other: Self, number: f64) -> Self {
+        match self.tape().or(other.tape()) {
+            Some(tape) => Self::Other(tape),
+            None => Self::Rounded(number),
         }
     }
 
@@ -193,7 +223,7 @@ impl<'t> Affine<'t> {
         if exact() == Some(true) {
             Self::Number(rounded)
         } else {
-            Self::Other
+            Self::Rounded(rounded)
         }
     }
 
@@ -210,7 +240,7 @@ impl<'t> Affine<'t> {
             let sum = self.terms()?.plus(&Exact::new(factor)?, &other.terms()?);
             Some(tape.write(sum))
         };
-        form().unwrap_or(Self::Other)
+        form().unwrap_or_else(|| self.inexact(other, self.number() + factor * other.number()))
     }
 
     fn times(self, other: Self) -> Self {
@@ -227,7 +257,7 @@ impl<'t> Affine<'t> {
             let scaled = Terms::default().plus(&factor.constant, &form);
             factor.terms.is_empty().then(|| tape.write(scaled))
         };
-        form().unwrap_or(Self::Other)
+        form().unwrap_or_else(|| self.inexact(other, self.number() * other.number()))
     }
 
     fn over(self, other: Self) -> Self {
@@ -255,19 +285,12 @@ impl<'t> Affine<'t> {
             };
             Some(tape.add(quotient))
         };
-        form().unwrap_or(Self::Other)
-    }
-
-    /// A branch on the value, which is not known: the evaluation is invalid.
-    fn lose(self) {
-        if let Self::Form(tape, _) = self {
-            tape.written.borrow_mut().lost = true;
-        }
+        form().unwrap_or_else(|| self.inexact(other, self.number() / other.number()))
     }
 
     /// A function that is not affine.
-    fn curved(self) -> Self {
-        Self::Other
+    fn curved(self, function: impl FnOnce(f64) -> f64) -> Self {
+        self.inexact(self, function(self.number()))
     }
 }
 
@@ -315,7 +338,9 @@ operator!(Add, add, AddAssign, add_assign, |a, b| a.plus(1.0, b));
 operator!(Sub, sub, SubAssign, sub_assign, |a, b| a.plus(-1.0, b));
 operator!(Mul, mul, MulAssign, mul_assign, |a, b| a.times(b));
 operator!(Div, div, DivAssign, div_assign, |a, b| a.over(b));
-operator!(Rem, rem, RemAssign, rem_assign, |a, _| a.curved());
+operator!(Rem, rem, RemAssign, rem_assign, |a, b| {
+    a.inexact(b, a.number() % b.number())
+});
 
 impl Neg for Affine<'_> {
     type Output = Self;
@@ -350,7 +375,7 @@ impl Signed for Affine<'_> {
     fn abs(&self) -> Self {
         match self {
             Self::Number(value) => Self::Number(value.abs()),
-            _ => Self::Other,
+            _ => self.curved(f64::abs),
         }
     }
     fn abs_sub(&self, other: &Self) -> Self {
@@ -358,12 +383,12 @@ impl Signed for Affine<'_> {
         if matches!(difference, Self::Number(d) if d > 0.0) {
             return difference;
         }
-        difference.curved()
+        difference.curved(|d| d.max(0.0))
     }
     fn signum(&self) -> Self {
         match self {
             Self::Number(value) => Self::Number(value.signum()),
-            _ => Self::Other,
+            _ => self.curved(f64::signum),
         }
     }
     fn is_positive(&self) -> bool {
@@ -374,64 +399,49 @@ impl Signed for Affine<'_> {
     }
 }
 
+macro_rules! curved {
+    ($($function:ident),*) => {
+        $(fn $function(self) -> Self {
+            self.curved(f64::$function)
+        })*
+    };
+}
+
 impl Real for Affine<'_> {
+    curved!(sqrt, exp, ln, sin, cos, tan, atan, sinh, cosh, tanh);
+
     fn value(&self) -> f64 {
-        match self {
-            Self::Number(value) => *value,
-            _ => {
-                self.lose();
-                f64::NAN
-            }
+        // A branch on what is not known: the evaluation holds on one side of it only.
+        if let Some(tape) = self.tape() {
+            tape.written.borrow_mut().lost = true;
         }
-    }
-    fn sqrt(self) -> Self {
-        self.curved()
-    }
-    fn exp(self) -> Self {
-        self.curved()
-    }
-    fn ln(self) -> Self {
-        self.curved()
-    }
-    fn sin(self) -> Self {
-        self.curved()
-    }
-    fn cos(self) -> Self {
-        self.curved()
-    }
-    fn tan(self) -> Self {
-        self.curved()
-    }
-    fn atan(self) -> Self {
-        self.curved()
-    }
-    fn sinh(self) -> Self {
-        self.curved()
-    }
-    fn cosh(self) -> Self {
-        self.curved()
-    }
-    fn tanh(self) -> Self {
-        self.curved()
+        self.number()
     }
     fn powi(self, n: i32) -> Self {
         match n {
-            0 => Self::Number(1.0),
+            // Where the base is undefined, so is its power.
+            0 if matches!(self, Self::Form(..)) || !self.number().is_nan() => Self::Number(1.0),
             1 => self,
             2 => self * self,
-            _ => self.curved(),
+            _ => self.curved(|v| v.powi(n)),
         }
     }
     fn powf(self, p: f64) -> Self {
-        if p == 1.0 { self } else { self.curved() }
+        if p == 1.0 {
+            self
+        } else {
+            self.curved(|v| v.powf(p))
+        }
     }
-    fn switched(tests: &[Self], pieces: &[Self]) -> Self {
+    fn switched(tests: &[Self], pieces: &[Self], natural: impl Fn() -> usize) -> Self {
         let all = |list: &[Self]| list.iter().map(|v| v.terms()).collect::<Option<Vec<Terms>>>();
-        let added = || {
-            let tape = tests.iter().chain(pieces).find_map(|v| v.tape())?;
-            let (tests, pieces) = (all(tests)?, all(pieces)?);
-            Some(tape.add(|_| Added::Kink { tests, pieces }))
+        let Some(tape) = tests.iter().chain(pieces).find_map(|v| v.tape()) else {
+            // A kink among numbers.
+            return pieces.get(natural()).copied().unwrap_or(Self::Rounded(f64::NAN));
         };
-        added().unwrap_or(Self::Other)
+        match (all(tests), all(pieces)) {
+            (Some(tests), Some(pieces)) => tape.add(|_| Added::Kink { tests, pieces }),
+            _ => Self::Other(tape),
+        }
     }
 }

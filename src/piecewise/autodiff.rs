@@ -1,5 +1,9 @@
+mod affinity;
 mod dual;
 mod exact;
+mod expansions;
+mod interval;
+mod series;
 
 use std::borrow::Cow;
 
@@ -7,8 +11,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use num_dual::Dual64;
 
+use self::expansions::Expanded;
 use super::trace::{LABELS, Labels, lacking, members, ordinary_point, structure};
-use super::{ExactPieces, Facet, PiecewiseSmooth, Real, Selection};
+use super::{ExactPieces, Expansions, Facet, PiecewiseSmooth, Real, Selection};
 use crate::sparse::{Coloring, Matrix, Pattern};
 
 /// A nonsmooth function written once over [`Real`], its kinks expressed through [`Kinks`]. [`Traced`] turns it into a
@@ -44,11 +49,18 @@ pub trait NonsmoothFunction {
     /// Typical sizes of the variables, as [`PiecewiseSmooth::typical_sizes`]. Default: unchanged.
     fn typical_sizes(&self, _sizes: &mut [f64]) {}
 
-    /// Whether the function is affine apart from its kinks, in all variables (the parameter among them), and so are the arguments of the
-    /// kinks: its curves are then polygons, followed from vertex to vertex in one step. If this is declared wrongly, curves are wrong;
-    /// if a kink lies inside another, it is ignored. Default: `false`.
+    /// Whether the function is affine apart from its kinks, in all variables (the parameter among them), and
+    /// so are the arguments of the kinks: its curves are then polygons, followed from vertex to vertex in one
+    /// step. It is ignored if a kink lies inside another, and if the two formulas of a
+    /// [`switch`](Kinks::switch) are not exactly the same where its test vanishes.
+    ///
+    /// Default: found by tracing [`eval`](Self::eval); `false` where it branches on [`value`](Real::value),
+    /// and where terms of higher order cancel (x y − x y). If your own answer is wrong, so are curves;
+    /// [`check`](super::check) finds that out.
     fn is_piecewise_affine(&self) -> bool {
-        false
+        affinity::is_affine(self.num_vars(), self.num_residuals(), |x, out| {
+            self.eval(x, &mut Kinks::new(Mode::Switched), out);
+        })
     }
 
     /// Name of a site, in the order of the calls on `kinks`, for tables and pictures. Default: none, the site has a number.
@@ -84,30 +96,26 @@ impl Kind {
 
     /// Whether the value is undefined, whichever piece is selected.
     fn is_undefined<T: Real>(self, pieces: &[T], tests: &[T]) -> bool {
+        let is_nan = |v: &T| v.single().is_some_and(f64::is_nan);
         match (self, tests) {
             (Kind::Switch, [test, ..]) => {
-                let test = test.value();
-                test.is_nan() || (test == 0.0 && pieces.iter().any(|p| !p.value().is_finite()))
+                let is_infinite = |p: &T| p.single().is_some_and(|v| !v.is_finite());
+                is_nan(test) || (test.single() == Some(0.0) && pieces.iter().any(is_infinite))
             }
-            _ => pieces.iter().any(|p| p.value().is_nan()),
+            _ => pieces.iter().any(is_nan),
         }
     }
 }
 
 #[derive(Debug)]
-enum Mode<'a> {
+enum Mode<'a, T> {
     Record(&'a mut Vec<Kind>),
-    Frozen(&'a Selection),
-    Natural(&'a mut [f64]),
-    /// The derivatives of the test functions.
-    Slopes(&'a mut [f64]),
-    /// The test functions of a selection.
-    FrozenTests(&'a Selection, &'a mut [f64]),
-    /// Their derivatives.
-    FrozenSlopes(&'a Selection, &'a mut [f64]),
+    /// The pieces of a selection, or where there is none those that the test functions choose. As many test
+    /// functions are written down as there is room for.
+    Pieces(Option<&'a Selection>, &'a mut [T]),
     /// All pieces at once.
     Joined,
-    /// Every kink as an unknown.
+    /// Every kink as an unknown, or as what is true of all its pieces.
     Switched,
     /// All pieces at once; sites are indexed after the variables, labels begin at the index `first`, and the labels of the test functions
     /// go to the list.
@@ -125,19 +133,17 @@ enum Mode<'a> {
 /// vanishes, where either formula is not finite.
 #[derive(Debug)]
 pub struct Kinks<'a, T> {
-    mode: Mode<'a>,
+    mode: Mode<'a, T>,
     site: usize,
     test: usize,
-    scalar: std::marker::PhantomData<T>,
 }
 
 impl<'a, T: Real> Kinks<'a, T> {
-    fn new(mode: Mode<'a>) -> Self {
+    fn new(mode: Mode<'a, T>) -> Self {
         Self {
             mode,
             site: 0,
             test: 0,
-            scalar: std::marker::PhantomData,
         }
     }
 
@@ -153,35 +159,17 @@ impl<'a, T: Real> Kinks<'a, T> {
         self.site += 1;
         self.test += kind.tests();
         let tests = &tests[..kind.tests()];
-        let write = |out: &mut [f64], value: fn(&T) -> f64| {
-            for (o, t) in out.iter_mut().skip(test).zip(tests) {
-                *o = value(t);
-            }
-        };
         let piece = match &mut self.mode {
             Mode::Record(kinds) => {
                 kinds.push(kind);
                 natural()
             }
-            Mode::Frozen(selection) => selection.piece(site),
-            Mode::Natural(out) => {
-                write(out, T::value);
-                natural()
-            }
-            Mode::Slopes(out) => {
-                write(out, T::slope);
-                natural()
-            }
-            Mode::FrozenTests(selection, out) => {
-                write(out, T::value);
-                selection.piece(site)
-            }
-            Mode::FrozenSlopes(selection, out) => {
-                write(out, T::slope);
-                selection.piece(site)
+            Mode::Pieces(selection, out) => {
+                out.iter_mut().skip(test).zip(tests).for_each(|(o, t)| *o = *t);
+                selection.map_or_else(natural, |s| s.piece(site))
             }
             Mode::Joined => return pieces[0].joined(&pieces, None),
-            Mode::Switched => return T::switched(tests, &pieces),
+            Mode::Switched => return T::switched(tests, &pieces, natural),
             Mode::Labelled {
                 behind,
                 first,
@@ -310,6 +298,9 @@ pub struct Traced<F> {
     variables: Vec<Vec<usize>>,
     /// Whether the test functions of one kink depend on another.
     nested: bool,
+    /// Whether pieces and test functions are affine: those of an outer kink are on the pieces of the inner
+    /// one only.
+    affine: bool,
     /// Whether the pattern was compared with the function at a point.
     checked: AtomicBool,
 }
@@ -324,14 +315,16 @@ impl<F: Clone> Clone for Traced<F> {
             rows: self.rows.clone(),
             variables: self.variables.clone(),
             nested: self.nested,
+            affine: self.affine,
             checked: AtomicBool::new(self.checked.load(Ordering::Relaxed)),
         }
     }
 }
 
 impl<F: NonsmoothFunction> Traced<F> {
-    /// Finds the kinks of `function`, which residuals depend on which of them, and where Jacobians have entries, by evaluations at x = 0
-    /// (and at a second point for the pattern).
+    /// Finds the kinks of `function`, which residuals depend on which of them, where Jacobians have entries,
+    /// and whether it is affine apart from the kinks, by evaluations at x = 0 (and at a second point for the
+    /// pattern).
     pub fn new(function: F) -> Self {
         let (n, m) = (function.num_residuals(), function.num_vars());
         let mut kinds = Vec::new();
@@ -362,8 +355,9 @@ impl<F: NonsmoothFunction> Traced<F> {
                 rows.push(row);
             }
         }
-        Self {
+        let mut traced = Self {
             coloring: Coloring::new(&pattern),
+            affine: !nested && function.is_piecewise_affine(),
             function,
             kinds,
             pattern,
@@ -371,7 +365,9 @@ impl<F: NonsmoothFunction> Traced<F> {
             variables,
             nested,
             checked: AtomicBool::new(false),
-        }
+        };
+        traced.affine = traced.affine && traced.is_continuous_at_switches();
+        traced
     }
 
     /// Adds the entries of ∇H^(σ)(x) in the rows that `wanted` names, one evaluation for all columns of a colour.
@@ -399,8 +395,7 @@ impl<F: NonsmoothFunction> Traced<F> {
                 continue;
             }
             group.iter().for_each(|&j| seeded[j].eps = 1.0);
-            let mut kinks = Kinks::new(Mode::Frozen(selection));
-            self.function.eval(&seeded, &mut kinks, &mut out);
+            self.evaluate(Some(selection), &seeded, &mut out, &mut []);
             for &j in group {
                 seeded[j].eps = 0.0;
                 entries(j).for_each(|i| jac.add(i, j, out[i].eps));
@@ -408,27 +403,33 @@ impl<F: NonsmoothFunction> Traced<F> {
         }
     }
 
-    /// Derivatives of all test functions, or of those of a selection, along a direction.
-    fn test_slopes(&self, selection: Option<&Selection>, seeded: &[Dual64], out: &mut [f64]) {
-        let mut residual = vec![Dual64::from(0.0); self.num_residuals()];
-        let mut kinks = Kinks::new(match selection {
-            Some(selection) => Mode::FrozenSlopes(selection, out),
-            None => Mode::Slopes(out),
-        });
-        self.function.eval(seeded, &mut kinks, &mut residual);
+    /// Residuals and test functions of the pieces of a selection, or of those that the test functions choose:
+    /// NaN where another number of kinks is met than at first.
+    fn evaluate<T: Real>(&self, selection: Option<&Selection>, x: &[T], residual: &mut [T], tests: &mut [T]) {
+        let mut kinks = Kinks::new(Mode::Pieces(selection, &mut *tests));
+        self.function.eval(x, &mut kinks, residual);
         if kinks.site != self.kinds.len() {
-            out.fill(f64::NAN);
+            // Derivatives that the scalar carries along become NaN, too.
+            residual.iter_mut().chain(tests).for_each(|v| *v *= f64::NAN);
         }
     }
 
-    fn tests<'a>(&self, mode: impl FnOnce(&'a mut [f64]) -> Mode<'a>, x: &[f64], out: &'a mut [f64]) {
-        let mut residual = vec![0.0; self.num_residuals()];
-        let mut kinks = Kinks::new(mode(out));
-        self.function.eval(x, &mut kinks, &mut residual);
-        if kinks.site != self.kinds.len()
-            && let Mode::Natural(out) | Mode::FrozenTests(_, out) = kinks.mode
-        {
-            out.fill(f64::NAN);
+    /// The selection on which test functions depend: none where kinks are not nested.
+    fn governing<'a>(&self, selection: &'a Selection) -> Option<&'a Selection> {
+        self.nested.then_some(selection)
+    }
+
+    fn tests(&self, selection: Option<&Selection>, x: &[f64], out: &mut [f64]) {
+        self.evaluate(selection, x, &mut vec![0.0; self.num_residuals()], out);
+    }
+
+    /// Derivatives of all test functions, or of those of a selection, along a direction.
+    fn test_slopes(&self, selection: Option<&Selection>, seeded: &[Dual64], out: &mut [f64]) {
+        let mut residual = vec![Dual64::from(0.0); self.num_residuals()];
+        let mut tests = vec![Dual64::from(0.0); out.len()];
+        self.evaluate(selection, seeded, &mut residual, &mut tests);
+        for (out, test) in out.iter_mut().zip(&tests) {
+            *out = test.eps;
         }
     }
 
@@ -498,7 +499,7 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        self.tests(Mode::Natural, x, out);
+        self.tests(None, x, out);
     }
 
     fn has_nested_kinks(&self) -> bool {
@@ -510,24 +511,18 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
     }
 
     fn is_piecewise_affine(&self) -> bool {
-        // The test functions of an outer kink are affine on the pieces of the inner one only.
-        self.function.is_piecewise_affine() && !self.nested
+        self.affine
     }
 
     fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
         match d {
-            Some(d) => self.test_slopes(self.nested.then_some(selection), &seeded(x, d), out),
-            None if self.nested => self.tests(|out| Mode::FrozenTests(selection, out), x, out),
-            None => self.test_functions(x, out),
+            Some(d) => self.test_slopes(self.governing(selection), &seeded(x, d), out),
+            None => self.tests(self.governing(selection), x, out),
         }
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
-        let mut kinks = Kinks::new(Mode::Frozen(selection));
-        self.function.eval(x, &mut kinks, out);
-        if kinks.site != self.kinds.len() {
-            out.fill(f64::NAN);
-        }
+        self.evaluate(Some(selection), x, out, &mut []);
     }
 
     fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
@@ -536,6 +531,10 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
 
     fn exact(&self) -> Option<&dyn ExactPieces> {
         Some(self)
+    }
+
+    fn expansions(&self) -> Option<Box<dyn Expansions + '_>> {
+        Some(Box::new(Expanded(self)))
     }
 
     fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {

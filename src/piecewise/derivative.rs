@@ -72,7 +72,7 @@ fn b_derivative_of(
 }
 
 /// Of the active pieces of each degenerate site, the one into whose cell a direction d points most.
-pub(super) fn pointed_into(
+pub(crate) fn pointed_into(
     map: &dyn PiecewiseSmooth,
     layout: &TestLayout,
     active: &ActiveSet,

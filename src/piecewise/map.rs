@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use super::{ExactPieces, Facet, Selection};
+use super::{ExactPieces, Expansions, Facet, Selection};
 use crate::sparse::{Matrix, Pattern};
 
 /// A piecewise-smooth (PC¹) map H: ℝᵐ → ℝⁿ, given by its selection functions.
@@ -115,6 +115,12 @@ pub trait PiecewiseSmooth {
         None
     }
 
+    /// Derivatives of the pieces beyond the first along curves. Default: `None`; they are then estimated from
+    /// differences of Jacobians.
+    fn expansions(&self) -> Option<Box<dyn Expansions + '_>> {
+        None
+    }
+
     /// Replaces `sizes` (length m, filled with 1) by typical sizes of the variables in their units: positive numbers, that of a
     /// parameter the change over which solutions change noticeably. Distances and angles in x are measured relative to them where a curve
     /// is followed, and so are the steps of central differences. Default: unchanged.
@@ -211,6 +217,9 @@ macro_rules! forward {
         }
         fn exact(&self) -> Option<&dyn ExactPieces> {
             (**self).exact()
+        }
+        fn expansions(&self) -> Option<Box<dyn Expansions + '_>> {
+            (**self).expansions()
         }
         fn typical_sizes(&self, sizes: &mut [f64]) {
             (**self).typical_sizes(sizes);

@@ -54,21 +54,22 @@ pub trait Real:
     fn joined(self, _others: &[Self], _label: Option<usize>) -> Self {
         self
     }
+    /// The value, where it is one number: those that enclose many have none.
+    #[doc(hidden)]
+    fn single(&self) -> Option<f64> {
+        Some(self.value())
+    }
     /// The labels of a scalar that traces dependencies.
     #[doc(hidden)]
     fn labels(&self) -> [u64; 4] {
         [0; 4]
     }
     /// The value of a kink with these pieces, whichever the tests choose: for scalars that keep all of them.
+    /// `_natural` gives the piece that the tests choose where their values are known.
     #[doc(hidden)]
     #[must_use]
-    fn switched(_tests: &[Self], pieces: &[Self]) -> Self {
+    fn switched(_tests: &[Self], pieces: &[Self], _natural: impl Fn() -> usize) -> Self {
         pieces[0]
-    }
-    /// The derivative carried along.
-    #[doc(hidden)]
-    fn slope(&self) -> f64 {
-        0.0
     }
 }
 

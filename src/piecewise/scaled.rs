@@ -1,7 +1,7 @@
 use std::borrow::Cow;
 use std::cell::RefCell;
 
-use super::{Facet, PiecewiseError, PiecewiseSmooth, Selection};
+use super::{ExactPieces, Expansions, Facet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, norm};
 
 /// A map in scaled variables z, x = D z, where D holds typical sizes of the variables. Distances and angles in z do not depend on the
@@ -255,6 +255,23 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
     fn is_piecewise_affine(&self) -> bool {
         self.map.is_piecewise_affine()
     }
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        // Exact coefficients are those of the map's own variables.
+        if self.sizes.is_empty() {
+            self.map.exact()
+        } else {
+            None
+        }
+    }
+    fn expansions(&self) -> Option<Box<dyn Expansions + '_>> {
+        let map = self.map.expansions()?;
+        let sizes = &self.sizes;
+        Some(if sizes.is_empty() {
+            map
+        } else {
+            Box::new(ScaledExpansions { map, sizes })
+        })
+    }
     fn test_derivatives(&self, z: &[f64], d: &[f64], out: &mut [f64]) {
         if self.sizes.is_empty() {
             return self.map.test_derivatives(z, d, out);
@@ -279,5 +296,62 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
     fn test_gradient(&self, site: usize, test: usize, z: &[f64], gradient: &mut [f64]) {
         self.at(z, |x| self.map.test_gradient(site, test, x, gradient));
         self.unscale(gradient);
+    }
+}
+
+struct ScaledExpansions<'a> {
+    map: Box<dyn Expansions + 'a>,
+    sizes: &'a [f64],
+}
+
+impl ScaledExpansions<'_> {
+    fn unscaled(&self, z: &[f64]) -> Vec<f64> {
+        z.iter().zip(self.sizes).map(|(z, d)| z * d).collect()
+    }
+}
+
+impl Expansions for ScaledExpansions<'_> {
+    fn along(&self, selection: &Selection, arc: &[&[f64]], residual: &mut [f64], tests: &mut [f64]) {
+        let arc: Vec<Vec<f64>> = arc.iter().map(|z| self.unscaled(z)).collect();
+        let arc: Vec<&[f64]> = arc.iter().map(Vec::as_slice).collect();
+        self.map.along(selection, &arc, residual, tests);
+    }
+
+    fn jacobian_within(
+        &self,
+        selection: &Selection,
+        centre: &[f64],
+        radius: &[f64],
+        jacobian: &mut [(f64, f64)],
+        tests: &mut [(f64, f64)],
+    ) -> bool {
+        let (centre, radius) = (self.unscaled(centre), self.unscaled(radius));
+        let known = self
+            .map
+            .jacobian_within(selection, &centre, &radius, jacobian, tests);
+        for row in [jacobian, tests]
+            .into_iter()
+            .flat_map(|m| m.chunks_exact_mut(self.sizes.len()))
+        {
+            // Powers of two: nothing is rounded.
+            for (entry, size) in row.iter_mut().zip(self.sizes) {
+                *entry = (entry.0 * size, entry.1 * size);
+            }
+        }
+        known
+    }
+
+    fn derivatives_within(
+        &self,
+        selection: &Selection,
+        centre: &[f64],
+        radius: &[f64],
+        direction: &[f64],
+        residual: &mut [(f64, f64)],
+        tests: &mut [(f64, f64)],
+    ) -> bool {
+        let [centre, radius, direction] = [centre, radius, direction].map(|z| self.unscaled(z));
+        self.map
+            .derivatives_within(selection, &centre, &radius, &direction, residual, tests)
     }
 }

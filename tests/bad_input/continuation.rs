@@ -71,7 +71,7 @@ fn family() -> FullContact<PlanarCoulomb> {
 fn curves() {
     let mut t = Table::new("continuation");
     let map = vee();
-    let arm = || arms_at(&map, &ON, &o()).unwrap().0[0].clone();
+    let arm = || arms_at(&map, &ON, &o()).unwrap().arms[0].clone();
     let with_arm = |change: &dyn Fn(&mut Arm)| {
         let mut arm = arm();
         change(&mut arm);

@@ -206,7 +206,7 @@ fn continuation_starts() {
     let map = vee();
     let follow = |x: &[f64], d: Direction| Branch::follow(&map, x, d, o()).map(|_| ());
     let arm = |tangent: Vec<f64>, sites: usize| {
-        let mut arm = arms_at(&map, &[0.5, 0.5], &o()).unwrap().0[0].clone();
+        let mut arm = arms_at(&map, &[0.5, 0.5], &o()).unwrap().arms[0].clone();
         (arm.tangent, arm.selection) = (tangent, Selection::uniform(sites, 0));
         arm
     };

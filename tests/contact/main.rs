@@ -27,4 +27,5 @@ mod routes;
 mod scale_of_r;
 mod scaling;
 mod supports;
+mod touching;
 mod uniqueness_constants;

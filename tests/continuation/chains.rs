@@ -254,16 +254,14 @@ fn limits_of_time_leave_what_was_found() {
         never,
         all_solutions(&map, 0.1, &EnumerationOptions::default()).unwrap()
     );
-    // 2⁴⁰ arms leave the point; those found in time have the right directions, and the list is not called complete.
+    // 2⁴⁰ arms leave the point; the curve goes on along one of them, and the list is not called complete.
     let options = ContinuationOptions::default()
         .with_parameter_range((0.0, 4.0))
-        .with_max_time(Some(Duration::from_millis(200)));
+        .with_max_time(Some(Duration::from_secs(2)));
     let branch = Branch::follow(&map, &vec![0.0; 81], Direction::Increasing, options).unwrap();
-    let [kink] = branch.transitions.as_slice() else {
-        panic!("{} transitions", branch.transitions.len());
-    };
-    assert!(!kink.complete && kink.kind != TransitionKind::End);
-    assert!(kink.arms.len() < 1 << 20);
+    let kink = &branch.transitions[0];
+    assert!(!kink.complete && kink.kind != TransitionKind::End && kink.followed.is_some());
+    assert!(!kink.arms.is_empty() && kink.arms.len() < 1 << 20);
     for arm in &kink.arms {
         let rates: Vec<f64> = (0..40).map(|i| map.elongation(&arm.tangent, i)).collect();
         let force = arm.tangent[40];

@@ -280,3 +280,36 @@ fn a_facet_almost_along_the_curve_is_met_where_the_curve_crosses_it() {
         assert!((met[1].1 - 0.5 - behind).abs() < 1e-9);
     }
 }
+
+/// α = s + Σ c_k |s| with 24 kinks at one point, far more than can be tried: the curve goes on along the only other arm, at a fold where
+/// |Σ c_k| > 1.
+#[test]
+fn a_curve_goes_on_where_more_kinks_meet_than_can_be_searched() {
+    for jump in [-0.2, -0.03, 0.01, 0.15] {
+        let kinks: Vec<(f64, f64)> = (0..24).map(|_| (0.0, jump)).collect();
+        let map = graph(&kinks);
+        let sum = 24.0 * jump;
+        let (before, after) = (1.0 - sum, 1.0 + sum);
+        let start = [-1.0, -1.0 + sum];
+        let direction = if before > 0.0 {
+            Direction::Increasing
+        } else {
+            Direction::Decreasing
+        };
+        let options = ContinuationOptions::default()
+            .with_max_arclength(before.hypot(1.0) + after.hypot(1.0))
+            .with_max_step(0.5);
+        let branch = Branch::follow(&map, &start, direction, options).unwrap();
+        assert_eq!(branch.termination, Termination::MaxArclength, "{jump}");
+        let [t] = branch.transitions.as_slice() else {
+            panic!("{:?}", branch.transitions)
+        };
+        assert!(t.x.iter().all(|v| v.abs() < 1e-14), "{:?}", t.x);
+        assert_eq!(t.is_fold(), before * after < 0.0);
+        let last = branch.points.last().unwrap();
+        assert!(
+            last.x[0] > 1.0 - 1e-12
+                && (last.x[1] - after * last.x[0]).abs() < 1e-12 * last.x[0] * after.abs()
+        );
+    }
+}

@@ -1,4 +1,5 @@
-//! Diagrams: complete solution sets of the seed's examples, branchings, closed curves, starts on the same curve.
+//! Diagrams: complete solution sets of the printed examples, branchings, closed curves, starts on the same
+//! curve.
 
 use crate::common;
 use std::ops::ControlFlow;
@@ -44,12 +45,12 @@ const EXPECTED: [Expected; 6] = [
 ];
 
 #[test]
-fn the_examples_of_the_seed_are_complete() {
+fn the_printed_examples_are_complete() {
     for (name, from, branches, components) in EXPECTED {
         let case = cases().into_iter().find(|c| c.name == name).unwrap();
         let map = &case.problem;
         let diagram = Diagram::explore(map, &starts(&case, from), &window()).unwrap();
-        assert!(diagram.completeness().is_complete(), "{name}\n{diagram}");
+        assert!(!diagram.completeness().is_limited(), "{name}\n{diagram}");
         assert_eq!(diagram.branches().len(), branches, "{name}\n{diagram}");
         assert_eq!(diagram.components().len(), components, "{name}\n{diagram}");
         for vertex in case.vertices() {
@@ -109,7 +110,7 @@ fn pitchfork_and_transcritical_have_four_arms() {
     for (map, above) in maps {
         for start in [[0.0, -0.5], [0.6, if above == 3 { 0.36 } else { 0.6 }]] {
             let diagram = Diagram::explore(map, &[start], &options).unwrap();
-            assert!(diagram.completeness().is_complete(), "{diagram}");
+            assert!(!diagram.completeness().is_limited(), "{diagram}");
             let centre = diagram
                 .vertices()
                 .iter()
@@ -128,7 +129,7 @@ fn pitchfork_and_transcritical_have_four_arms() {
 fn an_isola_is_one_closed_edge() {
     let circle = smooth(|y, a| y * y + a * a - 1.0);
     let diagram = Diagram::explore(&circle, &[[0.8, 0.6]], &DiagramOptions::default()).unwrap();
-    assert!(diagram.completeness().is_complete(), "{diagram}");
+    assert!(!diagram.completeness().is_limited(), "{diagram}");
     assert_eq!(
         (diagram.edges().len(), diagram.vertices().len()),
         (1, 1),
@@ -203,7 +204,7 @@ fn limits_are_reported() {
     let circle = smooth(|y, a| y * y + a * a - 1.0);
     let few = DiagramOptions::default().with_max_points(5);
     let diagram = Diagram::explore(&circle, &[[0.8, 0.6]], &few).unwrap();
-    assert!(!diagram.completeness().is_complete());
+    assert!(diagram.completeness().is_limited());
     let mut seen = 0;
     let stopped = Diagram::explore_observed(&circle, &[[0.8, 0.6]], &DiagramOptions::default(), |_| {
         seen += 1;
@@ -272,7 +273,7 @@ fn an_arc_from_bound_to_bound_has_one_diagram() {
         for at in [-0.6, 0.0, 0.5] {
             let start = [1.0 - at * at, at * unit];
             let diagram = Diagram::explore(&map, &[start], &options).unwrap();
-            assert!(diagram.completeness().is_complete(), "{unit:e} {at}: {diagram}");
+            assert!(!diagram.completeness().is_limited(), "{unit:e} {at}: {diagram}");
             assert_eq!(diagram.branches().len(), 1, "{unit:e} {at}: {diagram}");
             let covered = diagram.edges().iter().map(|e| e.interval());
             let (a, b) = covered.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), (l, u)| {
@@ -352,7 +353,7 @@ fn edges_next_to_branch_points_have_the_sign_of_their_determinant() {
             let crossing = [y * units[0], alpha * units[1]];
             for (start, starts) in [(start, 1), (crossing, 0)] {
                 let diagram = Diagram::explore(&map, &[start], &options).unwrap();
-                assert!(diagram.completeness().is_complete());
+                assert!(!diagram.completeness().is_limited());
                 let kinds = diagram.vertices().iter().map(|v| v.kind);
                 let branch_points = kinds.filter(|k| *k == VertexKind::BranchPoint).count();
                 assert_eq!(
@@ -385,7 +386,7 @@ fn edges_that_meet_at_small_angles_are_two() {
         });
         let options = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
         let diagram = Diagram::explore(&map, &[vec![0.0, -1.0]], &options).unwrap();
-        assert!(diagram.completeness().is_complete(), "{slope}\n{diagram}");
+        assert!(!diagram.completeness().is_limited(), "{slope}\n{diagram}");
         let mut ends: Vec<f64> = (diagram.vertices().iter())
             .filter(|v| v.parameter() == -1.0)
             .map(|v| v.x[0])
@@ -429,7 +430,7 @@ fn sections((rows, q, lower, upper, alpha, reach): &Affine) -> (Mcp<AffineFuncti
     let options = DiagramOptions::default().with_parameter_range((-reach, *reach));
     let diagram =
         Diagram::explore_sections(&map, &[*alpha], &options, &EnumerationOptions::default()).unwrap();
-    assert!(diagram.completeness().is_complete(), "{diagram}");
+    assert!(!diagram.completeness().is_limited(), "{diagram}");
     (map, diagram)
 }
 

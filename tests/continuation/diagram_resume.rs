@@ -24,7 +24,7 @@ fn stored(diagram: Diagram) -> Diagram {
 
 /// Compares what does not depend on where curves were cut.
 fn compare<P: PiecewiseSmooth>(map: &P, found: &Diagram, whole: &Diagram, context: &str) {
-    assert!(found.completeness().is_complete(), "{context}: {found}");
+    assert!(!found.completeness().is_limited(), "{context}: {found}");
     assert_eq!(
         found.components().len(),
         whole.components().len(),
@@ -68,7 +68,7 @@ fn check<P: PiecewiseSmooth>(map: &P, starts: &[Vec<f64>], options: &DiagramOpti
         ControlFlow::Continue(())
     })
     .unwrap();
-    assert!(whole.completeness().is_complete(), "{whole}");
+    assert!(!whole.completeness().is_limited(), "{whole}");
     let stop_after = |limit: usize| {
         let mut left = limit;
         move |_: &semismooth::continuation::Progress<'_>| {
@@ -82,7 +82,7 @@ fn check<P: PiecewiseSmooth>(map: &P, starts: &[Vec<f64>], options: &DiagramOpti
     };
     for k in (1..=events).step_by(stride) {
         let part = Diagram::explore_observed(map, starts, options, stop_after(k)).unwrap();
-        assert!(!part.completeness().is_complete());
+        assert!(part.completeness().is_limited());
         // All starts but the first may be missing: given again they are recognised.
         let resumed = stored(part).resume(map, starts, options).unwrap();
         compare(map, &resumed, &whole, &format!("stopped after {k}"));
@@ -90,7 +90,7 @@ fn check<P: PiecewiseSmooth>(map: &P, starts: &[Vec<f64>], options: &DiagramOpti
     // In slices.
     let mut diagram = Diagram::explore_observed(map, starts, options, stop_after(3)).unwrap();
     let mut rounds = 0;
-    while !diagram.completeness().is_complete() {
+    while diagram.completeness().is_limited() {
         diagram = stored(diagram)
             .resume_observed(map, starts, options, stop_after(120))
             .unwrap();
@@ -104,7 +104,7 @@ fn check<P: PiecewiseSmooth>(map: &P, starts: &[Vec<f64>], options: &DiagramOpti
 }
 
 #[test]
-fn the_examples_of_the_seed() {
+fn the_printed_examples() {
     for (name, states) in [
         ("p1_ex2", ["K", "O"]),
         ("p1_ex3", ["K", "O"]),
@@ -166,13 +166,13 @@ fn limits_on_points_are_lifted_and_others_refused() {
     assert!(limited(&part), "{part}");
     // The same limit again: nothing can be added.
     let same = part.clone().resume(&circle, &NONE, &few).unwrap();
-    assert!(!same.completeness().is_complete());
+    assert!(same.completeness().is_limited());
     let whole = part
         .clone()
         .resume(&circle, &NONE, &DiagramOptions::default())
         .unwrap();
     assert!(
-        whole.completeness().is_complete() && whole.isolas().len() == 1,
+        !whole.completeness().is_limited() && whole.isolas().len() == 1,
         "{whole}"
     );
     let other_range = DiagramOptions::default().with_parameter_range((-2.0, 2.0));

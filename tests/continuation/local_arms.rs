@@ -66,7 +66,8 @@ fn many_degenerate_sites() {
         assert_eq!(by_sign(&found), (9, 1), "p = {p}");
         assert_eq!(found.orientation, Some((1, 1)));
         // The same by the continuation, which reports that the list may be incomplete.
-        let (arms, complete) = arms_at(&map, &x, &ContinuationOptions::default().with_max_nodes(3)).unwrap();
+        let list = arms_at(&map, &x, &ContinuationOptions::default().with_max_nodes(3)).unwrap();
+        let (arms, complete) = (list.arms, !list.certainty.is_undecided());
         assert_eq!((arms.len(), complete), (10, false));
     }
     let map = unloaded(6, 2);
@@ -88,7 +89,8 @@ fn no_local_starts_no_arms() {
     let none = ContinuationOptions::default()
         .with_max_nodes(1)
         .with_local_starts(0);
-    let (arms, complete) = arms_at(&map, &[0.0; 13], &none).unwrap();
+    let list = arms_at(&map, &[0.0; 13], &none).unwrap();
+    let (arms, complete) = (list.arms, !list.certainty.is_undecided());
     assert_eq!((arms.len(), complete), (0, false));
 }
 
@@ -113,7 +115,7 @@ fn a_diagram_reports_that_arms_may_be_missing() {
     let mut options = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
     options.continuation.max_nodes = 3;
     let diagram = Diagram::explore(&map, &[vec![0.0; 41]], &options).unwrap();
-    assert!(!diagram.completeness().is_complete());
+    assert!(diagram.completeness().is_limited());
     assert_eq!(diagram.edges().len(), 4, "{diagram}");
     assert_eq!(diagram.solutions_at(&map, 0.5).unwrap().index_sum(), Some(1));
 }
@@ -131,6 +133,7 @@ fn the_symmetric_block() {
     check(&map, &x, &found);
     assert_eq!(by_sign(&found), (3, 3));
     assert_eq!(found.orientation, Some((1, 1)));
-    let (arms, complete) = arms_at(&map, &x, &ContinuationOptions::default().with_max_nodes(5)).unwrap();
+    let list = arms_at(&map, &x, &ContinuationOptions::default().with_max_nodes(5)).unwrap();
+    let (arms, complete) = (list.arms, !list.certainty.is_undecided());
     assert_eq!((arms.len(), complete), (6, false));
 }

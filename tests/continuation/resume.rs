@@ -71,7 +71,7 @@ fn has(events: &Events, what: impl Fn(&Event) -> bool) -> bool {
 }
 
 #[test]
-fn the_examples_of_the_seed() {
+fn the_printed_examples() {
     let mut transitions = 0;
     for name in [
         "p1_ex1",
@@ -147,13 +147,13 @@ fn curved_pieces_folds_and_branch_points() {
 }
 
 #[test]
-fn the_algorithm_of_the_seed() {
+fn the_algorithm_that_switches() {
     let case = common::cases().into_iter().find(|c| c.name == "p1_ex1").unwrap();
     let x = case
         .problem
         .solve(10.0, Some(&case.problem.stick_start(10.0).unwrap()))
         .unwrap();
-    let options = ContinuationOptions::seed().with_parameter_range((0.1, 10.0));
+    let options = ContinuationOptions::haslinger_janovsky_ligursky().with_parameter_range((0.1, 10.0));
     check(&case.problem, &x, Direction::Decreasing, &options);
 }
 

@@ -4,7 +4,9 @@ use std::f64::consts::PI;
 
 use super::curves::{follow, near, within};
 use super::maps::{Function, Plane, one_piece};
-use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, arms_at};
+use semismooth::continuation::{
+    Branch, ContinuationOptions, Diagram, DiagramOptions, Direction, Termination, VertexKind, arms_at,
+};
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -259,8 +261,24 @@ fn an_isolated_point_has_no_arms() {
     let circle = Plane::smooth(|y, a| [y * y + a * a, 2.0 * y, 2.0 * a]);
     let ellipse = Plane::smooth(|y, a| [y * y + y * a + a * a, 2.0 * y + a, 2.0 * a + y]);
     for map in [circle, ellipse] {
-        let (arms, complete) = arms_at(&map, &[0.0, 0.0], &ContinuationOptions::default()).unwrap();
+        let list = arms_at(&map, &[0.0, 0.0], &ContinuationOptions::default()).unwrap();
+        let (arms, complete) = (list.arms, !list.certainty.is_undecided());
         assert!(arms.is_empty() && complete, "{arms:?}");
+    }
+}
+
+/// Every point solves 0 = 0; of y⁶ + α⁶ = 0 the expansions up to the fourth order decide nothing: neither start is called isolated.
+#[test]
+fn only_a_point_without_neighbours_is_isolated() {
+    let isolated = Plane::smooth(|y, a| [y * y + a * a, 2.0 * y, 2.0 * a]);
+    let everywhere = Plane::smooth(|_, _| [0.0, 0.0, 0.0]);
+    let flat = Plane::smooth(|y, a| [y.powi(6) + a.powi(6), 6.0 * y.powi(5), 6.0 * a.powi(5)]);
+    for (map, alone) in [(isolated, true), (everywhere, false), (flat, false)] {
+        let diagram = Diagram::explore(&map, &[vec![0.0, 0.0]], &DiagramOptions::default()).unwrap();
+        assert_eq!(diagram.vertices()[0].kind == VertexKind::Isolated, alone);
+        assert_eq!(diagram.completeness().is_limited(), !alone);
+        let at = diagram.solutions_at(&map, 0.0).unwrap();
+        assert_eq!(at.isolated.len(), usize::from(alone));
     }
 }
 
@@ -316,7 +334,8 @@ fn starts_at_branch_points_of_any_size() {
             (1..n).for_each(|i| x.push(0.5 * x[i - 1] + 0.1 * a * a));
             x.push(a);
             let options = within((-0.2, 0.5));
-            let (arms, complete) = arms_at(&map, &x, &options).unwrap();
+            let list = arms_at(&map, &x, &options).unwrap();
+            let (arms, complete) = (list.arms, !list.certainty.is_undecided());
             assert_eq!((arms.len(), complete), (4, true), "{n} {unit:e} {bits}");
             for arm in &arms {
                 assert!((arm.tangent[0].abs() - arm.tangent[n].abs()).abs() < 1e-9);

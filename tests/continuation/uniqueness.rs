@@ -32,7 +32,7 @@ fn check(map: &FullContact<PlanarCoulomb>, branch: &Branch, options: &Continuati
 }
 
 #[test]
-fn seed_examples_lose_uniqueness_at_folds_and_branchings_only() {
+fn printed_examples_lose_uniqueness_at_folds_and_branchings_only() {
     let options = ContinuationOptions::default().with_parameter_range((0.01, 10.0));
     for case in common::cases().iter().filter(|c| c.name.contains("_ex")) {
         for states in ["O", "K", "OO", "KK", "OK"] {

@@ -188,7 +188,7 @@ fn diagrams_of_the_pitchfork() {
             ControlFlow::Continue(())
         })
         .unwrap();
-        assert!(diagram.completeness().is_complete());
+        assert!(!diagram.completeness().is_limited());
         // Tangents in x are nearly orthogonal to the α axis where y is of the order 1e9, and yet α varies.
         assert!(diagram.edges().iter().all(|e| !e.is_vertical()));
         let largest = seen.iter().fold(0.0_f64, |a, y| a.max(*y));
@@ -217,10 +217,10 @@ fn diagrams_of_the_pitchfork() {
         );
         // Half of it, and then the rest, gives the whole.
         let half = Diagram::explore(&map, &[[0.0, -0.5]], &options.clone().with_max_points(12)).unwrap();
-        assert!(!half.completeness().is_complete());
+        assert!(half.completeness().is_limited());
         let none: [[f64; 2]; 0] = [];
         let whole = half.resume(&map, &none, &options).unwrap();
-        assert!(whole.completeness().is_complete());
+        assert!(!whole.completeness().is_limited());
         assert_eq!(whole.solutions_at(&map, 0.25).unwrap().count(), Some(3));
     }
 }
@@ -373,7 +373,8 @@ fn units_far_apart_do_not_make_starts_singular() {
     for k in 0..81_u32 {
         let units = [0, 1, 2, 3].map(|j| [3e-5, 1.0, 3e4][(k / 3_u32.pow(j)) as usize % 3]);
         let map = |branching| Traced::new(Sheared { units, branching });
-        let (arms, complete) = arms_at(&map(false), &[0.0; 4], &options).unwrap();
+        let list = arms_at(&map(false), &[0.0; 4], &options).unwrap();
+        let (arms, complete) = (list.arms, !list.certainty.is_undecided());
         assert_eq!((arms.len(), complete), (2, true), "{units:?}");
         for arm in arms {
             let natural: Vec<f64> = arm.tangent.iter().zip(units).map(|(t, u)| t / u).collect();
@@ -381,7 +382,8 @@ fn units_far_apart_do_not_make_starts_singular() {
                 assert!((v / natural[3] - expected).abs() < 1e-9, "{units:?} {natural:?}");
             }
         }
-        let (arms, complete) = arms_at(&map(true), &[0.0; 4], &options).unwrap();
+        let list = arms_at(&map(true), &[0.0; 4], &options).unwrap();
+        let (arms, complete) = (list.arms, !list.certainty.is_undecided());
         assert!(!complete || arms.len() == 4, "{units:?} {arms:?}");
         crossings += usize::from(complete);
     }

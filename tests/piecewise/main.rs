@@ -10,6 +10,8 @@ mod dense;
 #[path = "../common/random.rs"]
 mod random;
 
+#[cfg(feature = "autodiff")]
+mod affinity;
 mod certificates;
 mod elements;
 mod exact;

@@ -89,7 +89,7 @@ fn compare<V: View>(map: &Contact<V, PlanarCoulomb>, case: &common::Case, k: usi
 }
 
 #[test]
-fn transitions_of_the_seed_are_proven() {
+fn transitions_of_the_printed_examples_are_proven() {
     let mut count = 0;
     for case in cases() {
         for k in 0..case.vertices().len() {

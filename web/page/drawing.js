@@ -152,7 +152,37 @@ const axes = ({ width, height, x, y, xLabel, yLabel, title, legend, colours, nam
   return { X, Y, text, frame, clip, left, top, right: width - right, bottom };
 };
 
-const polyline = (points, X, Y) => points.map(([a, b], k) => `${k ? 'L' : 'M'}${X(a).toFixed(2)},${Y(b).toFixed(2)}`).join('');
+// The path of an edge from point to point: cubics with the tangents of the edge at their ends, as the crate draws them (Curve in its module
+// output), lines where the edge is straight. `value` gives the drawn quantity of x; its slope is a one-sided difference quotient.
+const pathOf = (edge, first, last, value, X, Y) => {
+  const parameter = (x) => x[x.length - 1];
+  const at = (x) => [X(parameter(x)), Y(value(x))];
+  const pixel = ([a, b]) => `${a.toFixed(2)},${b.toFixed(2)}`;
+  const unit = ([a, b]) => [a / Math.hypot(a, b), b / Math.hypot(a, b)];
+  const cross = (a, b) => a[0] * b[1] - a[1] * b[0];
+  const direction = (x, t, h) => {
+    const along = (s) => value(x.map((v, k) => v + s * t[k]));
+    const slope = (4 * along(h) - 3 * value(x) - along(2 * h)) / (2 * h);
+    return unit([(X(1) - X(0)) * parameter(t), (Y(1) - Y(0)) * slope]);
+  };
+  let path = `M${pixel(at(edge.points[first]))}`;
+  for (let k = first; k < last; k += 1) {
+    const [x, z] = [edge.points[k], edge.points[k + 1]];
+    const [a, b] = [at(x), at(z)];
+    const h = 1e-4 * Math.hypot(...x.map((v, i) => z[i] - v));
+    const [u, v] = [direction(x, edge.tangents[k], h), direction(z, edge.tangents[k + 1], -h)];
+    const chord = Math.hypot(b[0] - a[0], b[1] - a[1]);
+    const c = unit([b[0] - a[0], b[1] - a[1]]);
+    // Parabolas are exact: control points at two thirds of the ways to the point where the tangents meet.
+    const turn = cross(u, v);
+    const [ahead, behind] = [cross(c, v) / turn, cross(u, c) / turn];
+    const [from, to] = (ahead > 0 && behind > 0 ? [2 * Math.min(ahead, 1), 2 * Math.min(behind, 1)] : [1, 1]).map((l) => (l * chord) / 3);
+    const [p, q] = [[a[0] + from * u[0], a[1] + from * u[1]], [b[0] - to * v[0], b[1] - to * v[1]]];
+    const away = (d) => Math.abs(cross([d[0] - a[0], d[1] - a[1]], c));
+    path += Math.max(away(p), away(q)) > 0.05 ? `C${pixel(p)} ${pixel(q)} ${pixel(b)}` : `L${pixel(b)}`;
+  }
+  return path;
+};
 
 // A diagram over its parameter. `value` gives the drawn quantity of a point, `style` the class {label, colour} of an edge. `at` is the
 // value of the parameter that is marked, with the solutions there.
@@ -173,7 +203,7 @@ const diagramPicture = ({ diagram, value, style, range, at, solutions, colours, 
     if (edge.folds.length) kinds.add('smooth fold');
     for (let k = 1; k < cuts.length; k += 1) {
       const [from, to] = [cuts[k - 1], cuts[k]];
-      runs.push({ points: curves[e].slice(from, to + 1), colour: look.colour, negative: edge.det[Math.floor((from + to) / 2)] === -1 });
+      runs.push({ edge, from, to, colour: look.colour, negative: edge.det[Math.floor((from + to) / 2)] === -1 });
     }
   });
   const legend = [...classes.values()];
@@ -186,7 +216,7 @@ const diagramPicture = ({ diagram, value, style, range, at, solutions, colours, 
   text += `<g clip-path="url(#${frame.clip})">`;
   text += `<path d="M${X(at).toFixed(2)},${frame.top}V${frame.bottom}" stroke="${colours.faint}" stroke-dasharray="2 3"/>`;
   text += '<g fill="none" stroke-width="2.5" stroke-linejoin="round">';
-  for (const run of runs) text += `<path d="${polyline(run.points, X, Y)}" stroke="${run.colour}"${run.negative ? ' stroke-dasharray="7 4"' : ''}/>`;
+  for (const run of runs) text += `<path d="${pathOf(run.edge, run.from, run.to, value, X, Y)}" stroke="${run.colour}"${run.negative ? ' stroke-dasharray="7 4"' : ''}/>`;
   text += '</g>';
   for (const x of solutions) text += `<circle cx="${X(at).toFixed(2)}" cy="${Y(value(x)).toFixed(2)}" r="3" fill="${colours.ink}"/>`;
   diagram.edges.forEach((edge, e) => {

@@ -276,7 +276,7 @@ const frictionTab = (() => {
     table(element('solutions'), ['', 'states', 'det', ...perNode(['u_ν', 'u_t', 'λ_ν', 'λ_t'])], rows);
     if (focused !== null) element('solutions').querySelector(`[value="${focused}"]`)?.focus();
 
-    element('completeness').textContent = `The diagram is ${diagram.completeness}. ${diagram.branches.length} ${diagram.branches.length === 1 ? 'branch' : 'branches'}, ${diagram.isolas} closed; folds at ${diagram.folds.length ? diagram.folds.map((f) => shown(f)).join(', ') : 'none'}.`.replace('folds at none', 'no folds');
+    element('completeness').textContent = `The curves found: ${diagram.completeness}. ${diagram.branches.length} ${diagram.branches.length === 1 ? 'branch' : 'branches'}, ${diagram.isolas} closed; folds at ${diagram.folds.length ? diagram.folds.map((f) => shown(f)).join(', ') : 'none'}.`.replace('folds at none', 'no folds');
     const events = diagram.vertices.filter((v) => v.number).sort((a, b) => a.number - b.number);
     table(element('transitions'), ['', 'kind', 'α', 'states', ...perNode(['θ¹', 'θ²', 'θ³'])], events.map((v) => [
       `T${v.number}`, v.kind, v.x[v.x.length - 1], v.arms.map(said).join(v.arms.length === 2 ? ' → ' : ' | '), ...v.theta.flat(),

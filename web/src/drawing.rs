@@ -43,6 +43,8 @@ struct Edge {
     vertical: bool,
     /// x of each point.
     points: Vec<Vec<f64>>,
+    /// The unit tangent at each point, along the edge.
+    tangents: Vec<Vec<f64>>,
     /// The sign of the determinant at each point, where it is known.
     det: Vec<Option<i8>>,
     /// Positions of smooth folds.
@@ -125,6 +127,7 @@ fn edge(edge: &DiagramEdge, words: &impl Words) -> Edge {
         pieces: middle.map_or_else(Vec::new, |p| words.pieces(&p.selection, &p.grazing)),
         vertical: edge.is_vertical(),
         points: edge.points.iter().map(|p| p.x.clone()).collect(),
+        tangents: edge.points.iter().map(|p| p.tangent.clone()).collect(),
         det: edge.points.iter().map(|p| p.det_sign).collect(),
         folds: edge.smooth_folds.clone(),
     }

@@ -63,7 +63,8 @@ fn the_six_diagrams_have_the_vertices_of_exact_arithmetic() {
     for (name, range) in EXAMPLES {
         let case = case(name);
         let found = diagram(&problem(&case, range));
-        assert_eq!(found["complete"], true, "{name}: {}", found["completeness"]);
+        let words = found["completeness"].as_str().unwrap();
+        assert!(!words.starts_with("incomplete"), "{name}: {words}");
         let events: Vec<&Value> = (found["vertices"].as_array().unwrap().iter())
             .filter(|v| v["number"].is_number())
             .collect();

@@ -101,8 +101,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     });
     let styles = styles.collect();
+    let place = |x: &[f64]| (x[4], x[5]);
     let curve =
-        Curve::segments(walk.iter().map(|(_, x)| (x[4], x[5])).collect(), styles);
+        Curve::segments(walk.iter().map(|(_, x)| place(x)).collect(), styles)
+            .with_tangents(&line, place);
     BranchDiagram::new(
         Panel::new("F", "f_t")
             .with_curve(curve)

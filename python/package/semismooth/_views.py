@@ -23,6 +23,7 @@ _KINDS = {
     "branch point": "branching",
     "end": "end",
     "isolated": "isolated solution",
+    "continuum": "branching",
     "undecided": "undecided",
     "start": "start",
 }
@@ -80,6 +81,49 @@ def _values(points: Any, what: _Drawn) -> Any:
     return np.array([what(p) for p in points]) if callable(what) else points[:, what]
 
 
+def _rates(points: Any, tangents: Any, what: _Drawn, steps: Any) -> Any:
+    """Rates of what is drawn along the tangents, for functions by one-sided difference quotients of second order over these steps."""
+    if not callable(what):
+        return tangents[:, what]
+    at = [_values(points + (k * steps)[:, None] * tangents, what) for k in range(3)]
+    return (4 * at[1] - 3 * at[0] - at[2]) / (2 * steps)
+
+
+def _smooth(points: Any, departures: Any, arrivals: Any, x: _Drawn, y: _Drawn) -> Any:
+    """A curve through points, shape (2, k): cubics with the tangents of the curve at their ends where it is bent, as in the pictures of the
+    crate (`Curve` in its module `output`), in units of its extent."""
+    corners = np.array([_values(points, x), _values(points, y)], dtype=float)
+    extent = np.ptp(corners, axis=1)[:, None] if corners.size else 1.0
+    unit = np.where(extent > 0, extent, 1.0)
+    corners = corners / unit
+    a, b = corners[:, :-1], corners[:, 1:]
+    steps = 1e-4 * np.linalg.norm(np.diff(points, axis=0), axis=1)
+    with np.errstate(all="ignore"):
+        u = np.array([_rates(points[:-1], departures[:-1], what, steps) for what in (x, y)]) / unit
+        v = np.array([_rates(points[1:], arrivals[1:], what, -steps) for what in (x, y)]) / unit
+        u, v = u / np.linalg.norm(u, axis=0), v / np.linalg.norm(v, axis=0)
+        chord = np.linalg.norm(b - a, axis=0)
+        c = (b - a) / chord
+
+        def cross(p: Any, q: Any) -> Any:
+            return p[0] * q[1] - p[1] * q[0]
+
+        # Parabolas are exact: control points at two thirds of the ways to the point where the tangents meet.
+        ahead, behind = cross(c, v) / cross(u, v), cross(u, c) / cross(u, v)
+        meet = (ahead > 0) & (behind > 0)
+        p = a + chord / 3 * np.where(meet, 2 * np.minimum(ahead, 1), 1) * u
+        q = b - chord / 3 * np.where(meet, 2 * np.minimum(behind, 1), 1) * v
+        away = [np.abs(cross(d - a, c)) for d in (p, q)]
+        bent = np.maximum(*away) > 1e-4
+    t = np.linspace(0, 1, 17)[1:]
+    parts = [corners[:, :1]]
+    for k in range(a.shape[1]):
+        ends = [c[:, [k]] for c in (a, p, q, b)]
+        weights = [(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3]
+        parts.append(np.sum([w * c for w, c in zip(weights, ends)], axis=0) if bent[k] else ends[3])
+    return np.hstack(parts) * unit
+
+
 def _label(what: _Drawn) -> str:
     if callable(what):
         return getattr(what, "__name__", "").replace("<lambda>", "")
@@ -106,7 +150,7 @@ class _Picture:
         self.named.add(name)
         return "_" + name if known else name
 
-    def line(self, points: Any, pieces: Sequence[str], negative: bool) -> None:
+    def line(self, points: Any, tangents: tuple[Any, Any], pieces: Sequence[str], negative: bool) -> None:
         # As in pictures of the crate, colours show the pieces where there are few sites.
         few = 0 < len(pieces) <= 2
         look = {"color": _COLOURS[0], "label": "_line"}
@@ -116,7 +160,7 @@ class _Picture:
             look["color"] = _COLOURS[self.classes.index(tuple(pieces)) % len(_COLOURS)]
             look["label"] = self.label(", ".join(pieces))
         style = look | {"linestyle": "--" if negative else "-"} | self.style
-        self.ax.plot(_values(points, self.x), _values(points, self.y), **style)
+        self.ax.plot(*_smooth(points, *tangents, self.x, self.y), **style)
 
     def marks(self, marks: Iterable[tuple[str, Any]]) -> None:
         places: dict[str, list[Any]] = {}
@@ -145,11 +189,13 @@ class _Picture:
 def plot_branch(branch: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | None) -> Any:
     picture = _Picture(ax, x, y, style)
     points, pieces, events = branch.points, branch.pieces, branch.events
+    departures, arrivals = branch.tangents, branch._arrivals
     looks = [(tuple(p), (s or 0) < 0) for p, s in zip(pieces, branch._segment_signs)]
     start = 0
     for i in range(1, len(looks) + 1):
         if i == len(looks) or looks[i] != looks[start]:
-            picture.line(points[start : i + 1], *looks[start])
+            part = slice(start, i + 1)
+            picture.line(points[part], (departures[part], arrivals[part]), *looks[start])
             start = i
     marks = list(zip(events, points))
     picture.marks(marks + [("start", points[0])] if len(points) else marks)
@@ -166,7 +212,8 @@ def plot_diagram(diagram: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | 
             signs = [s for s in edge.point_det_signs[a : b + 1] if s]
             negative = bool(signs) and signs[len(signs) // 2] < 0
             dashed |= negative
-            picture.line(edge.points[a : b + 1], edge.pieces, negative)
+            part = slice(a, b + 1)
+            picture.line(edge.points[part], (edge.tangents[part], edge.tangents[part]), edge.pieces, negative)
     vertices = [(v.kind, v.x) for v in diagram.vertices]
     starts = [("start", v.x) for v in diagram.vertices if v.is_start and v.kind != "start"]
     smooth = [("smooth fold", f.x) for f in diagram.folds if f.kind == "smooth"]

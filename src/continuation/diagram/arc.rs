@@ -1,10 +1,8 @@
 //! An edge while it is followed, and the kind of a vertex from its arms.
 
 use super::{EdgeEnd, VertexArm, VertexKind};
+use crate::continuation::point::kind_of;
 use crate::continuation::{Arm, Point, PointKind};
-
-/// |α̇| up to which an arm counts as vertical.
-pub(super) const FLAT: f64 = 1e-7;
 
 /// An edge that is being followed.
 pub(super) struct Arc {
@@ -66,29 +64,16 @@ impl Arc {
 
 /// The arm on which a curve that arrives at a point would leave it again.
 pub(super) fn reversed(point: &Point) -> Arm {
-    Arm {
-        selection: point.selection.clone(),
-        tangent: point.tangent.iter().map(|t| -t).collect(),
-        grazing: point.grazing.clone(),
-    }
+    let tangent = point.tangent.iter().map(|t| -t).collect();
+    Arm::along(
+        point.selection.clone(),
+        tangent,
+        point.grazing.clone(),
+        point.det_sign,
+    )
 }
 
-pub(super) fn kind_of(arms: &[Arm]) -> VertexKind {
-    let rates: Vec<f64> = arms
-        .iter()
-        .map(|a| a.tangent.last().copied().unwrap_or(0.0))
-        .map(|t| if t.abs() <= FLAT { 0.0 } else { t.signum() })
-        .collect();
-    match rates.as_slice() {
-        [] => VertexKind::Isolated,
-        [_] => VertexKind::End,
-        [a, b] if a * b < 0.0 || (*a == 0.0 && *b == 0.0) => VertexKind::PassThrough,
-        [a, b] if *a == 0.0 || *b == 0.0 => VertexKind::Vertical,
-        [_, _] => VertexKind::Fold,
-        _ => VertexKind::Branching,
-    }
-}
-
+/// The kind of a vertex with these arms.
 pub(super) fn kind_of_slots(slots: &[VertexArm]) -> VertexKind {
     let arms: Vec<Arm> = slots.iter().map(|s| s.arm.clone()).collect();
     kind_of(&arms)

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
-use super::arc::{Arc, FLAT, kind_of, kind_of_slots, reversed};
+use super::arc::{Arc, kind_of_slots, reversed};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::split::Stretch;
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
@@ -16,10 +16,6 @@ use crate::continuation::{
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseSmooth, Scaled};
 use crate::sparse::{distance, norm};
-
-/// Arms of one vertex closer than this are one; at singular points tangents carry only half of the digits.
-const SAME_ARM: f64 = 1e-4;
-const SAME_ARM_SINGULAR: f64 = 1e-2;
 
 /// Progress of an exploration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -101,9 +97,9 @@ impl Diagram {
 pub(super) type Observer<'o> = &'o mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>;
 
 pub(super) struct Explorer<'m, O> {
-    map: &'m dyn PiecewiseSmooth,
+    pub(super) map: &'m dyn PiecewiseSmooth,
     pub(super) diagram: Diagram,
-    options: DiagramOptions,
+    pub(super) options: DiagramOptions,
     pending: VecDeque<EdgeEnd>,
     clock: Clock,
     halted: bool,
@@ -111,13 +107,13 @@ pub(super) struct Explorer<'m, O> {
 }
 
 /// What a curve that arrives at a vertex finds there.
-struct Meeting<'e> {
-    x: &'e [f64],
-    kind: Option<VertexKind>,
-    incoming: Arm,
-    others: &'e [Arm],
-    followed: Option<usize>,
-    complete: bool,
+pub(super) struct Meeting<'e> {
+    pub(super) x: &'e [f64],
+    pub(super) kind: Option<VertexKind>,
+    pub(super) incoming: Arm,
+    pub(super) others: &'e [Arm],
+    pub(super) followed: Option<usize>,
+    pub(super) complete: bool,
 }
 
 impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
@@ -151,6 +147,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             self.start(start.as_ref())?;
             self.follow_pending();
         }
+        self.conclude();
         Ok(())
     }
 
@@ -166,27 +163,31 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         if self.diagram.split_at(self.map, &x)? {
             return Ok(());
         }
-        let vanishing = curve.vanishing_here(&[]);
-        let arms = curve.all_arms(&vanishing)?;
-        let straight = match arms.list.as_slice() {
-            [a, b] => {
-                let opposite: Vec<f64> = b.tangent.iter().map(|t| -t).collect();
-                distance(&a.tangent, &opposite) < SAME_ARM
-            }
-            _ => false,
-        };
-        let kind = match arms.list.as_slice() {
-            _ if straight => VertexKind::Start,
-            [a, _, _, ..] if curve.is_singular_here(&a.selection)? => VertexKind::BranchPoint,
-            list => kind_of(list),
-        };
-        let arms_complete = arms.complete;
+        let (arms, certainty) = curve.arms_of_start()?;
+        let x = curve.here.x.clone();
+        let mut kind = arms.kind();
+        if let (VertexKind::PassThrough, [a, b]) = (kind, arms.list.as_slice())
+            && a.selection == b.selection
+        {
+            kind = VertexKind::Start;
+        }
+        if let (VertexKind::Branching, Some(arm)) = (kind, arms.list.first())
+            && curve.is_singular_here(&arm.selection)?
+        {
+            kind = VertexKind::BranchPoint;
+        }
+        if kind == VertexKind::Isolated && certainty.is_undecided() {
+            // That no arm was found does not say that there is none.
+            kind = VertexKind::Start;
+        }
         let v = self.add_vertex(DiagramVertex {
             x,
             kind,
             is_start: true,
+            // The directions of a continuum are not listed as arms.
+            complete: arms.complete && arms.continua.is_empty(),
+            certainty,
             arms: arms.list.into_iter().map(VertexArm::new).collect(),
-            complete: arms_complete,
         });
         // Both directions of the start come first: later curves must not pass it unnoticed.
         let ends = (0..self.diagram.vertices[v].arms.len()).map(|arm| EdgeEnd { vertex: v, arm });
@@ -194,9 +195,10 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         Ok(())
     }
 
-    fn add_vertex(&mut self, vertex: DiagramVertex) -> usize {
+    pub(super) fn add_vertex(&mut self, vertex: DiagramVertex) -> usize {
         let v = self.diagram.vertices.len();
-        if !vertex.complete {
+        let followed_up = !matches!(vertex.kind, VertexKind::Limit(_));
+        if !vertex.complete && followed_up {
             self.diagram.completeness.add(Limit::Arms { vertex: v });
         }
         self.diagram.vertices.push(vertex);
@@ -246,11 +248,11 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
     fn leaves_range(&self, end: EdgeEnd) -> bool {
         let vertex = &self.diagram.vertices[end.vertex];
         let (lower, upper) = self.diagram.range;
-        let rate = vertex.arms[end.arm].arm.tangent.last().copied().unwrap_or(0.0);
+        let direction = vertex.arms[end.arm].arm.direction;
         let near = |bound: f64| {
             bound.is_finite() && (vertex.parameter() - bound).abs() <= 1e-12 * (1.0 + bound.abs())
         };
-        (near(upper) && rate > FLAT) || (near(lower) && rate < -FLAT)
+        (near(upper) && direction > 0) || (near(lower) && direction < 0)
     }
 
     /// Follows a curve from a vertex until it ends or reaches a known vertex or edge.
@@ -314,7 +316,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
                     let meeting = Meeting {
                         x: &t.x,
                         kind: None,
-                        incoming: reversed(&point),
+                        incoming: t.arrival.clone(),
                         others: &t.arms,
                         followed: t.followed,
                         complete: t.complete,
@@ -326,8 +328,8 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
                     point.arclength -= arc.base;
                     let meeting = Meeting {
                         x: &b.point.x,
-                        kind: Some(VertexKind::BranchPoint),
-                        incoming: reversed(&point),
+                        kind: (b.arms.len() > 1).then_some(VertexKind::BranchPoint),
+                        incoming: b.arrival.clone(),
                         others: &b.arms,
                         followed: b.followed,
                         complete: b.complete,
@@ -346,25 +348,31 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
 
     /// Ends the current arc at a vertex; gives the arm on which the curve continues, unless its edge is known.
     fn meet(&mut self, arc: &mut Arc, point: Point, meeting: Meeting<'_>) -> Option<EdgeEnd> {
-        let singular = meeting.kind == Some(VertexKind::BranchPoint);
         let size = 1.0 + norm(meeting.x);
         let known = self.diagram.vertex_near(meeting.x);
         // Facets that vanish within rounding of each other are met one after the other: one vertex.
         if known == Some(arc.from.vertex) && point.arclength <= 4.0 * self.options.same_point * size {
             return self.meet_again(arc.from, &meeting);
         }
-        let v = match known {
-            Some(v) => v,
-            None => self.add_vertex(DiagramVertex {
-                x: meeting.x.to_vec(),
-                kind: VertexKind::Start,
-                is_start: false,
-                arms: Vec::new(),
-                complete: meeting.complete,
-            }),
+        let (v, incoming, others) = match known {
+            Some(v) => {
+                let incoming = self.slot_of_arrival(v, arc, &point, &meeting.incoming);
+                let others = meeting.others.iter().map(|a| self.slot(v, a));
+                (v, incoming, others.collect::<Vec<usize>>())
+            }
+            None => {
+                let arms = std::iter::once(&meeting.incoming).chain(meeting.others);
+                let v = self.add_vertex(DiagramVertex {
+                    x: meeting.x.to_vec(),
+                    kind: VertexKind::Start,
+                    is_start: false,
+                    arms: arms.cloned().map(VertexArm::new).collect(),
+                    complete: meeting.complete,
+                    certainty: self.certainty_of(&meeting),
+                });
+                (v, 0, (1..=meeting.others.len()).collect())
+            }
         };
-        let incoming = self.slot(v, &meeting.incoming, singular);
-        let others: Vec<usize> = meeting.others.iter().map(|a| self.slot(v, a, singular)).collect();
         let vertex = &mut self.diagram.vertices[v];
         vertex.kind = match meeting.kind {
             Some(kind) => kind,
@@ -414,11 +422,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             self.diagram.completeness.add(incomplete);
         }
         for (k, other) in meeting.others.iter().enumerate() {
-            let arm = if k == first {
-                end.arm
-            } else {
-                self.slot(v, other, false)
-            };
+            let arm = if k == first { end.arm } else { self.slot(v, other) };
             if Some(k) != meeting.followed {
                 self.pending.push_back(EdgeEnd { vertex: v, arm });
             }
@@ -428,22 +432,6 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             vertex.kind = meeting.kind.unwrap_or_else(|| kind_of_slots(&vertex.arms));
         }
         meeting.followed.map(|_| end)
-    }
-
-    /// The arm of a vertex nearest to `arm`, added if there is none.
-    fn slot(&mut self, v: usize, arm: &Arm, singular: bool) -> usize {
-        let vertex = &mut self.diagram.vertices[v];
-        let singular = singular || vertex.kind == VertexKind::BranchPoint;
-        let reach = if singular { SAME_ARM_SINGULAR } else { SAME_ARM };
-        let far = |k: &usize| distance(&vertex.arms[*k].arm.tangent, &arm.tangent);
-        let nearest = (0..vertex.arms.len()).min_by(|i, j| far(i).total_cmp(&far(j)));
-        match nearest.filter(|k| far(k) < reach) {
-            Some(k) => k,
-            None => {
-                vertex.arms.push(VertexArm::new(arm.clone()));
-                vertex.arms.len() - 1
-            }
-        }
     }
 
     /// Stores an arc as an edge; `false` if it arrives along an arm that has one.
@@ -519,17 +507,14 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         };
         let v = match self.diagram.vertex_near(&point.x) {
             Some(v) => v,
-            None => self.add_vertex(DiagramVertex {
-                x: point.x.clone(),
-                kind,
-                is_start: false,
-                arms: Vec::new(),
-                complete: true,
-            }),
+            None => self.vertex_at_end(&point, kind),
         };
-        let arm = self.slot(v, &reversed(&point), false);
+        let arm = self.slot_of_arrival(v, &arc, &point, &reversed(&point));
         self.close(&mut arc, EdgeEnd { vertex: v, arm });
         self.stopped_at(v, termination, failure);
+        for arm in 0..self.diagram.vertices[v].arms.len() {
+            self.pending.push_back(EdgeEnd { vertex: v, arm });
+        }
     }
 
     fn stopped_at(&mut self, vertex: usize, termination: Termination, failure: Option<ContinuationError>) {
@@ -551,7 +536,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
 fn sign_between(map: &dyn PiecewiseSmooth, a: &Point, b: &Point) -> Option<i8> {
     let mut corrector = MoorePenrose::new(map, solver()).ok()?;
     let (_, t) = Stretch::new(a, b)?.at(map, &mut corrector, 0.5).ok()??;
-    let vertical = t.last().is_some_and(|t| t.abs() <= FLAT);
+    let vertical = t.last().is_some_and(|t| t.abs() <= 1e-7);
     corrector.det_sign().map(|s| if vertical { 0 } else { s })
 }
 

@@ -1,6 +1,7 @@
 //! The graph of all branches connected to given starts.
 
 mod arc;
+mod certain;
 mod chains;
 mod explore;
 #[cfg(feature = "serde")]
@@ -11,6 +12,7 @@ mod options;
 mod query;
 mod resume;
 mod sections;
+mod slots;
 mod split;
 mod table;
 

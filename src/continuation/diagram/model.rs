@@ -1,6 +1,6 @@
 use std::fmt;
 
-use crate::continuation::{Arm, ContinuationError, Point, Termination};
+use crate::continuation::{Arm, Certainty, ContinuationError, Point, Termination};
 use crate::sparse::norm;
 
 /// The solution set of H(y, α) = 0 connected to given starts, as a graph: vertices where arcs of curves meet or end, edges the
@@ -19,7 +19,7 @@ use crate::sparse::norm;
 /// });
 /// let options = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
 /// let diagram = Diagram::explore(&map, &[[0.0, -0.5]], &options)?;
-/// assert!(diagram.completeness().is_complete());
+/// assert!(!diagram.completeness().is_limited());
 /// assert_eq!(diagram.solutions_at(&map, -0.25)?.count(), Some(1));
 /// let three = diagram.solutions_at(&map, 0.25)?;
 /// assert_eq!(three.count(), Some(3));
@@ -97,6 +97,8 @@ pub enum VertexKind {
     End,
     /// No arm: an isolated solution.
     Isolated,
+    /// A continuum of two or more dimensions contains the point.
+    Continuum,
     /// The curve leaves the range of the parameter.
     Bound,
     /// The curve was not followed further.
@@ -116,6 +118,7 @@ impl VertexKind {
             Self::BranchPoint => "branch point",
             Self::End => "end",
             Self::Isolated => "isolated",
+            Self::Continuum => "continuum",
             Self::Bound => "bound",
             Self::Limit(t) => t.name(),
         }
@@ -166,6 +169,8 @@ pub struct DiagramVertex {
     pub arms: Vec<VertexArm>,
     /// Whether all active selections were examined and none is undecided, within tolerances.
     pub complete: bool,
+    /// Whether it is proven that no other arm leaves it.
+    pub certainty: Certainty,
 }
 
 impl DiagramVertex {
@@ -258,18 +263,33 @@ impl DiagramEdge {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum DiagramCompleteness {
-    /// Every arm of every vertex was followed to a vertex, to a bound of the parameter, or to infinity (`max_growth`).
+    /// Every arm of every vertex was followed to a vertex, to a bound of the parameter, or to infinity (`max_growth`); no other arm leaves a
+    /// vertex, by exact coefficients or enclosed derivatives; and no step has passed a fold, a kink or another curve unseen, by enclosures
+    /// along it. This covers what is connected with the starts: closed curves that no start lies on are not covered.
     #[default]
     WithinBounds,
+    /// The same, but what a step may have passed unseen is not excluded.
+    UpToSteps {
+        /// The longest step, in the unit of the parameter.
+        step: f64,
+    },
+    /// Every arm found was followed, and no other was found; that there is none is not proven at every vertex.
+    NothingElseFound,
     /// Something was left out.
     Limited(Vec<Limit>),
 }
 
 impl DiagramCompleteness {
-    /// Whether nothing was left out.
+    /// Whether it is proven that nothing is missing of what is connected with the starts.
     #[must_use]
     pub fn is_complete(&self) -> bool {
         matches!(self, Self::WithinBounds)
+    }
+
+    /// Whether something is known to have been left out: a limit was reached, or a point is undecided.
+    #[must_use]
+    pub fn is_limited(&self) -> bool {
+        matches!(self, Self::Limited(_))
     }
 
     pub(super) fn names(&self, limit: &Limit) -> bool {
@@ -278,8 +298,8 @@ impl DiagramCompleteness {
 
     pub(super) fn add(&mut self, limit: Limit) {
         match self {
-            Self::WithinBounds => *self = Self::Limited(vec![limit]),
             Self::Limited(list) => list.push(limit),
+            _ => *self = Self::Limited(vec![limit]),
         }
     }
 }
@@ -288,6 +308,8 @@ impl fmt::Display for DiagramCompleteness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::WithinBounds => f.write_str("complete within the bounds"),
+            Self::UpToSteps { step } => write!(f, "complete within the bounds up to steps of {step:.2}"),
+            Self::NothingElseFound => f.write_str("nothing else was found within the bounds"),
             Self::Limited(list) => {
                 f.write_str("incomplete: ")?;
                 for (k, limit) in list.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Diagrams in the variables of the map, explored in scaled ones.
 
-use super::{Diagram, DiagramOptions, Progress, SolutionsAt};
-use crate::continuation::Point;
+use super::{Diagram, DiagramCompleteness, DiagramOptions, Progress, SolutionsAt};
+use crate::continuation::{Certainty, Point};
 use crate::piecewise::{PiecewiseSmooth, Scaled};
 use std::ops::ControlFlow;
 
@@ -35,9 +35,18 @@ impl Diagram {
             .iter_mut()
             .flat_map(|e| &mut e.points)
             .for_each(convert);
+        if let DiagramCompleteness::UpToSteps { step } = &mut self.completeness {
+            *step *= length;
+        }
         for vertex in &mut self.vertices {
             position(&mut vertex.x);
-            vertex.arms.iter_mut().for_each(|a| direction(&mut a.arm.tangent));
+            if let Certainty::Within { radius } = &mut vertex.certainty {
+                *radius *= length;
+            }
+            for a in &mut vertex.arms {
+                direction(&mut a.arm.tangent);
+                position(&mut a.arm.probe);
+            }
         }
     }
 }

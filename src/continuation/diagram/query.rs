@@ -1,13 +1,16 @@
 //! Queries of a diagram.
 
 use super::split::Stretch;
-use super::{Diagram, VertexKind};
+use super::{Diagram, DiagramVertex, VertexKind};
 use crate::continuation::engine::term_size;
 use crate::continuation::{ContinuationError, Point};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection};
 use crate::sparse::{Matrix, distance, norm};
+
+/// Rounding of α at points of a diagram, relative to its range: a sum of a few tens of terms.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// A solution at a given α.
 #[derive(Debug, Clone, PartialEq)]
@@ -127,11 +130,14 @@ impl Diagram {
         self.check(map)?;
         let intervals = self.edges.iter().map(|e| e.interval());
         let (lower, upper) = intervals.fold((alpha, alpha), |(l, u), (a, b)| (l.min(a), u.max(b)));
-        let near = |a: f64| (a - alpha).abs() <= 1e-10 * (upper - lower).max(alpha.abs());
+        let size = (upper - lower).max(alpha.abs());
+        // Points of vertical segments are corrected to a tolerance; others are known to rounding, and are solved for where α differs by more.
+        let vertical = |a: f64| (a - alpha).abs() <= 1e-10 * size;
+        let near = |a: f64| (a - alpha).abs() <= ROUNDING * size;
         let mut found = SolutionsAt::default();
         for (e, edge) in self.edges.iter().enumerate() {
             if edge.is_vertical() {
-                if edge.points.iter().all(|p| near(p.parameter())) {
+                if edge.points.iter().all(|p| vertical(p.parameter())) {
                     found.continua.push(e);
                 }
                 continue;
@@ -158,8 +164,9 @@ impl Diagram {
                 }
             }
         }
-        for vertex in self.vertices.iter().filter(|v| v.arms.is_empty()) {
-            if near(vertex.parameter()) {
+        let isolated = |v: &&DiagramVertex| v.arms.is_empty() && v.kind == VertexKind::Isolated;
+        for vertex in self.vertices.iter().filter(isolated) {
+            if vertical(vertex.parameter()) {
                 found.isolated.push(vertex.x.clone());
             }
         }

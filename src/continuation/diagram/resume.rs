@@ -35,10 +35,10 @@ impl Diagram {
     ///     b[0] = 1e9;
     /// });
     /// let part = Diagram::explore(&map, &[[0.8, 0.6]], &DiagramOptions::default().with_max_points(10))?;
-    /// assert!(!part.completeness().is_complete());
+    /// assert!(part.completeness().is_limited());
     /// let none: [[f64; 2]; 0] = [];
     /// let whole = part.resume(&map, &none, &DiagramOptions::default())?;
-    /// assert!(whole.completeness().is_complete());
+    /// assert!(!whole.completeness().is_limited());
     /// assert_eq!(whole.isolas().len(), 1);
     /// # Ok::<(), semismooth::continuation::ContinuationError>(())
     /// ```
@@ -170,7 +170,7 @@ impl Diagram {
         }
         let limits = match std::mem::take(&mut self.completeness) {
             DiagramCompleteness::Limited(list) => list,
-            DiagramCompleteness::WithinBounds => Vec::new(),
+            _ => Vec::new(),
         };
         for limit in limits {
             match limit {

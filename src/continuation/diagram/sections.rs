@@ -38,7 +38,7 @@ impl Diagram {
     ///     b[0] = 1.25 - x[0] - x[1] * x[1];
     /// });
     /// let diagram = Diagram::explore_sections(&map, &[0.0], &DiagramOptions::default(), &EnumerationOptions::default())?;
-    /// assert!(diagram.completeness().is_complete());
+    /// assert!(!diagram.completeness().is_limited());
     /// assert_eq!((diagram.isolas().len(), diagram.folds().len()), (1, 2));
     /// # Ok::<(), semismooth::continuation::ContinuationError>(())
     /// ```

@@ -1,7 +1,7 @@
 //! Points inside known edges.
 
 use super::{Diagram, DiagramEdge, DiagramVertex, EdgeEnd, VertexArm, VertexKind};
-use crate::continuation::{ContinuationError, Point, PointKind};
+use crate::continuation::{Certainty, ContinuationError, Point, PointKind};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
@@ -157,6 +157,7 @@ impl Diagram {
             is_start: true,
             arms: vec![backward, onward],
             complete: true,
+            certainty: Certainty::Estimated,
         });
         self.link_mut(end).edge = Some(second);
     }

@@ -1,10 +1,14 @@
 //! How a curve leaves a point along an arm: the selection to freeze, its orientation and its residual there.
 
-use super::units::Units;
 use crate::continuation::engine::{Curve, State, row_sizes, term_size};
+use crate::continuation::point::units::Units;
 use crate::continuation::{Arm, ContinuationError};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
 use crate::sparse::norm;
+
+/// Share of the distance to a corrected point of an arm at which signs of determinants are taken: determinants grow with the distance from a
+/// singular point, so that they are far above rounding there.
+const NEAR: f64 = 1.0 / 64.0;
 
 impl Curve<'_> {
     /// Leaves `here` along `arm`: freezes its selection and sets up its monitors.
@@ -28,8 +32,33 @@ impl Curve<'_> {
                 }),
         );
         self.here.s = 0.0;
+        self.here.heading = Some(arm.direction);
         self.linearize_here()?;
         self.find_coactive()?;
+        if !arm.probe.is_empty() && !self.map.is_piecewise_affine() {
+            self.take_signs_at(&arm.probe)?;
+        }
+        Ok(())
+    }
+
+    /// Takes the signs of determinants from a point of the arm on which the curve leaves: at the point itself they may be rounding noise.
+    fn take_signs_at(&mut self, probe: &[f64]) -> Result<(), ContinuationError> {
+        let t = self.here.t.clone();
+        // Before the next singular point, if that is not too near.
+        let near: Vec<f64> = (self.here.x.iter().zip(probe))
+            .map(|(x, p)| x + NEAR * (p - x))
+            .collect();
+        let probe = near.as_slice();
+        for k in 0..self.coactive.len() {
+            let selection = self.coactive[k].0.clone();
+            self.coactive[k].1 = self.orientation_of(&selection, probe, &t)?;
+        }
+        let selection = self.selection.clone();
+        if self.is_singular_here(&selection)? {
+            self.here.decline = None;
+        }
+        self.here.orientation = self.orientation_of(&selection, probe, &t)?;
+        self.here.det_sign = self.corrector.det_sign();
         Ok(())
     }
 
@@ -98,9 +127,9 @@ impl Curve<'_> {
         Ok(!affine && self.search(&[]).is_singular(selection)?)
     }
 
-    /// Resets the orientation where a curve leaves a branch point.
-    pub(in crate::continuation) fn doubt_orientation(&mut self) -> Result<(), ContinuationError> {
-        if self.is_singular_here(&self.selection.clone())? {
+    /// Resets the orientation where a curve leaves a branch point along an arm on which no other point is known.
+    pub(in crate::continuation) fn doubt_orientation(&mut self, arm: &Arm) -> Result<(), ContinuationError> {
+        if arm.probe.is_empty() && self.is_singular_here(&self.selection.clone())? {
             self.here.orientation = None;
             self.here.det_sign = None;
             self.here.decline = None;

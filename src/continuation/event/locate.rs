@@ -1,5 +1,6 @@
 //! Location of an event: the zero of its monitor on the curve of the frozen selection.
 
+use super::monitor::INSIDE;
 use super::watch::Monitor;
 use crate::continuation::engine::{Curve, State};
 use crate::continuation::{ContinuationError, Termination};
@@ -11,7 +12,7 @@ const LIMIT: usize = 60;
 /// Values of test functions up to this fraction of their rounding error count as zero.
 const HIDDEN: f64 = 0.0625;
 /// Distance from the interpolated guess, relative to the step, beyond which a corrected point lies on another curve.
-const STRAY: f64 = 0.02;
+pub(in crate::continuation) const STRAY: f64 = 0.02;
 
 impl Curve<'_> {
     /// Value of a monitor at a state, > 0 before the event; `start` is its value at `here`.
@@ -28,7 +29,7 @@ impl Curve<'_> {
             Monitor::Fold => origin.sign * state.t[last],
             Monitor::Singular => self.determinant(None, state, origin)?,
             Monitor::Coactive(k) => self.determinant(Some(k), state, origin)?,
-            Monitor::User(k) => self.watches[k].side * self.map.at(&state.x, |x| self.watches[k].value(x)),
+            Monitor::User(k) => self.side_on_curve(k, state),
         })
     }
 
@@ -74,7 +75,7 @@ impl Curve<'_> {
                     sign_of(before)
                 };
             }
-            Monitor::Fold => origin.sign = sign_of(self.here.t[last]),
+            Monitor::Fold => origin.sign = f64::from(self.here.heading.unwrap_or(1)),
             Monitor::Singular => self.determinant_origin(None, &mut origin)?,
             Monitor::Coactive(k) => self.determinant_origin(Some(k), &mut origin)?,
         }
@@ -109,24 +110,31 @@ impl Curve<'_> {
         let (mut b, mut gb) = (high.s, self.monitor_value(monitor, &high, &origin)?);
         let mut state = high.clone();
         let mut misses = Misses::default();
-        if let Monitor::Facet { index, facet } = monitor
-            && let Some(back) = self.return_to(index, facet)
-        {
-            // The bracket begins between the facet that the curve has left and its second crossing.
-            a = 0.5 * back;
-            if !self.find_state(a, &high, &mut state, by_chords.then_some(&mut misses))? {
+        if let Some(mut s) = self.between_zeros(monitor, ga) {
+            // The bracket begins between the zero that the curve has left and the next one.
+            let facet = matches!(monitor, Monitor::Facet { .. });
+            let mut inside = false;
+            // The rate at which a facet is left is known, and so is the place.
+            for _ in 0..if facet { 1 } else { INSIDE } {
+                if !self.find_state(s, &high, &mut state, by_chords.then_some(&mut misses))? {
+                    return Ok(None);
+                }
+                let g = self.monitor_value(monitor, &state, &origin)?;
+                if g > 0.0 {
+                    (a, ga, inside) = (s, g, true);
+                    break;
+                }
+                s *= 0.5;
+            }
+            if !inside && (facet || ga <= 0.0) {
                 return Ok(None);
             }
-            ga = self.monitor_value(monitor, &state, &origin)?;
-            if ga.is_nan() || ga <= 0.0 {
-                return Ok(None);
-            }
-        } else if ga <= 0.0 {
-            // A facet crossed at once: the event is the start of the step itself, to rounding.
-            ga = 0.0;
         }
+        // A facet crossed at once: the event is the start of the step itself, to rounding.
+        ga = ga.max(0.0);
         let width = 4.0 * f64::EPSILON * (norm(&here.x) + b);
-        let slope = (ga - gb).abs() / (b - a).max(f64::MIN_POSITIVE);
+        let drop = if gb.is_finite() { (ga - gb).abs() } else { ga };
+        let slope = drop / (b - a).max(f64::MIN_POSITIVE);
         let mut best: Option<(f64, State)> = None;
         let mut rounding = None;
         for _ in 0..LIMIT {
@@ -175,6 +183,24 @@ impl Curve<'_> {
         Ok(Some(value))
     }
 
+    /// A place before the event in a step that begins at another zero of its monitor.
+    fn between_zeros(&self, monitor: Monitor, start: f64) -> Option<f64> {
+        match monitor {
+            Monitor::Facet { index, facet } => self.return_to(index, facet).map(|s| 0.5 * s),
+            Monitor::Fold => self.fastest().or((start <= 0.0).then_some(0.5 * self.next.s)),
+            Monitor::User(_) => (start <= 0.0).then_some(0.5 * self.next.s),
+            _ => None,
+        }
+    }
+
+    /// The value of a monitor function at a state. A function that stays zero has its zero where it vanishes first.
+    fn side_on_curve(&self, k: usize, state: &State) -> f64 {
+        let value = self.side_of(k, &state.x);
+        let width = self.width(&state.x, self.next.s);
+        let stays = value == 0.0 && self.side_beside(k, &state.x, &state.t, -width) == 0.0;
+        if stays { f64::NEG_INFINITY } else { value }
+    }
+
     /// Effect of rounding errors of H on the value of a test function at a state, as a mean over their signs: its zero is not determined
     /// more accurately. Uses the stored factors, which must be those of a point nearby.
     fn rounding_of(&mut self, monitor: Monitor, state: &State) -> f64 {
@@ -198,6 +224,26 @@ impl Curve<'_> {
             state.x[i] = h00 * self.here.x[i] + h10 * t0 + h01 * high.x[i] + h11 * t1;
             state.t[i] = (1.0 - u) * self.here.t[i] + u * high.t[i];
         }
+    }
+
+    /// The distance at which the derivative of the cubic interpolant of α, in the direction of α beyond `here`, is largest, if it grows at
+    /// first.
+    fn fastest(&self) -> Option<f64> {
+        let (last, step) = (self.here.x.len() - 1, self.next.s);
+        let sign = f64::from(self.here.heading.unwrap_or(0));
+        let mean = sign * (self.next.x[last] - self.here.x[last]) / step;
+        let (d0, d1) = (
+            sign * self.here.t[last],
+            sign * self.next.t[last] / self.stretch(),
+        );
+        let (a, b) = (3.0 * (d0 + d1) - 6.0 * mean, 6.0 * mean - 4.0 * d0 - 2.0 * d1);
+        let share = -0.5 * b / a;
+        (b > 0.0 && share > 0.0 && share < 1.0).then_some(share * step)
+    }
+
+    /// The rate at which the step advances along the tangent at `here`, at its other end.
+    pub(super) fn stretch(&self) -> f64 {
+        dot(&self.here.t, &self.next.t).max(0.1)
     }
 
     /// The point of the curve at distance `s` along the tangent at `here`; the guess interpolates between `here` and `high`.

@@ -1,13 +1,11 @@
 //! Events along a curve: detection within a step, location, coincidence, and the arms that leave.
 
-pub(super) mod arms;
-mod branch_point;
-mod branching;
-pub(super) mod coincidence;
+pub(super) mod branch_point;
+mod heading;
 mod leave;
-mod locate;
+pub(super) mod locate;
 mod monitor;
 mod singular;
 pub(super) mod turn;
-mod units;
+mod unseen;
 pub(super) mod watch;

@@ -1,15 +1,17 @@
 //! Monitor functions of the user: their zeros along a curve are located and recorded.
 
 use super::locate::side_factor;
-use super::watch::Monitor;
-use crate::continuation::engine::{Curve, Function, Watch};
-use crate::continuation::{Continuation, Event, MonitorCrossing, PointKind, Termination};
+use super::unseen::dip;
+use super::watch::{Monitor, ROUNDING};
+use crate::continuation::engine::{Curve, Function, State, Watch};
+use crate::continuation::{Continuation, ContinuationError, Event, MonitorCrossing, PointKind, Termination};
 use crate::piecewise::PiecewiseSmooth;
+use crate::sparse::norm;
 
 impl<'a, P: PiecewiseSmooth + ?Sized, L> Continuation<'a, P, L> {
     /// Watches a function of x = (y, α): where its sign changes from one point of the curve to the next, the zero is located to
-    /// rounding and becomes an [`Event::Monitor`]. Two zeros within one step may be missed; smaller steps find them. Values that
-    /// are not finite are no change of sign.
+    /// rounding and becomes an [`Event::Monitor`]; so does the point where it reaches zero and stays zero. Two zeros within one step are found
+    /// where interpolation tells them; smaller steps find them. Values that are not finite, jumps and poles are no zeros.
     ///
     /// ```
     /// use semismooth::continuation::{Continuation, ContinuationOptions, Direction, Event};
@@ -55,6 +57,21 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L> Continuation<'a, P, L> {
     }
 }
 
+/// What happens to a function at a point of the curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Zero {
+    /// Its sign changes.
+    Crossed,
+    /// It vanishes and stays zero.
+    Entered,
+}
+
+/// A function is zero at a point if it is larger than there by at least this factor at a distance that is far larger than rounding: at a
+/// jump the factor is about 1, at a pole less.
+const CLEAR: f64 = 16.0;
+/// Number of halvings by which a place is looked for between a zero at the start of a step and the next one.
+pub(super) const INSIDE: i32 = 20;
+
 impl<'a> Curve<'a> {
     fn watch(&mut self, name: String, function: Function<'a>, stops: bool) {
         // A resumed run has stored the sign: next to a zero just passed the value is rounding noise.
@@ -67,58 +84,202 @@ impl<'a> Curve<'a> {
             function,
             stops,
             side,
+            jumped: false,
         });
     }
 
-    /// The values of monitor k at `here` and at x, with the sign that is positive before the zero, if its sign has changed in between.
-    pub(in crate::continuation) fn crossing(&self, k: usize, x: &[f64]) -> Option<(f64, f64)> {
-        let watch = &self.watches[k];
-        let at = |x| watch.side * self.map.at(x, |x| watch.value(x));
-        let after = at(x);
-        (after < 0.0).then(|| (at(&self.here.x).max(0.0), after))
+    /// The value of monitor k at x, with the sign that is positive before its next zero; 0 as long as it has vanished.
+    pub(super) fn side_of(&self, k: usize, x: &[f64]) -> f64 {
+        self.watches[k].side * self.map.at(x, |x| self.watches[k].value(x))
     }
 
-    /// The first zero of a monitor function on the segment of length `s` along the tangent.
-    pub(in crate::continuation) fn first_crossing(&mut self, s: f64) -> Option<(f64, Monitor)> {
-        let mut first: Option<(f64, Monitor)> = None;
-        for k in 0..self.watches.len() {
-            let end = first.map_or(s, |f| f.0);
-            let x = &mut self.next.x;
-            let watch = &self.watches[k];
-            let mut at = |s: f64| {
-                for ((x, x0), t) in x.iter_mut().zip(&self.here.x).zip(&self.here.t) {
-                    *x = x0 + s * t;
+    /// The same at the distance s from x along t.
+    pub(super) fn side_beside(&self, k: usize, x: &[f64], t: &[f64], s: f64) -> f64 {
+        let y: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + s * t).collect();
+        self.side_of(k, &y)
+    }
+
+    /// Distance along the curve by which rounding may separate two located points that are one.
+    pub(super) fn width(&self, x: &[f64], step: f64) -> f64 {
+        ROUNDING * (norm(x) + step)
+    }
+
+    /// Whether monitor k has a zero at x, where the curve arrives and leaves with the given tangents after a step of the given length.
+    fn zero_at(&self, k: usize, x: &[f64], [arrival, departure]: [&[f64]; 2], step: f64) -> Option<Zero> {
+        // At events that follow at once the step has no length.
+        let step = step.max(self.h);
+        let near = self.width(x, step);
+        let around = [
+            self.side_of(k, x),
+            self.side_beside(k, x, arrival, -near),
+            self.side_beside(k, x, departure, near),
+        ];
+        if around.iter().any(|v| !v.is_finite()) {
+            return None;
+        }
+        let rest = around.iter().fold(0.0f64, |a, v| a.max(v.abs()));
+        let clear = |v: f64| v.abs() > CLEAR * rest;
+        let mut entered = None;
+        // Functions with rounding errors of their own are judged farther away.
+        let far = (near * step).sqrt();
+        for s in [far, (far * step).sqrt()] {
+            let before = self.side_beside(k, x, arrival, -s);
+            let after = self.side_beside(k, x, departure, s);
+            if before > 0.0 && clear(before) && after.is_finite() {
+                if after < 0.0 && clear(after) {
+                    return Some(Zero::Crossed);
                 }
-                watch.side * self.map.at(x, |x| watch.value(x))
-            };
-            let ends = (at(0.0).max(0.0), at(end));
-            if ends.1 < 0.0 {
-                first = Some((zero(end, ends, at), Monitor::User(k)));
+                if clear(after) {
+                    return None;
+                }
+                entered = Some(Zero::Entered);
             }
         }
-        first
+        entered
     }
 
-    /// Records a zero at `here`.
-    pub(in crate::continuation) fn pass_monitor(&mut self, k: usize, corrections: usize) {
-        let point = self.point_here(PointKind::Step, corrections);
-        let watch = &mut self.watches[k];
-        watch.side = -watch.side;
-        let crossing = MonitorCrossing {
-            monitor: k,
-            name: watch.name.clone(),
-            point,
-        };
-        if watch.stops {
-            self.termination = Some(Termination::Monitor);
+    /// The first zero of a monitor function between `here` and `next`, to which `next` is moved; `event`, which is located at `next`, where
+    /// there is none before it.
+    pub(in crate::continuation) fn first_zero(
+        &mut self,
+        mut event: Option<Monitor>,
+    ) -> Result<Option<Monitor>, ContinuationError> {
+        self.watches.iter_mut().for_each(|w| w.jumped = false);
+        // Zeros at the place of the event belong to it.
+        let mut met = vec![false; self.watches.len()];
+        while let Some((k, end)) = self.changed_first(&met) {
+            let high = self.next.clone();
+            met[k] = true;
+            if !self.locate_zero(k, end)? {
+                self.next = high;
+                self.watches[k].jumped = true;
+                continue;
+            }
+            let State { x, t, s, .. } = &self.next;
+            let together = event.is_some() && high.s - s <= self.width(x, high.s);
+            let zero = self.zero_at(k, x, [t, t], high.s).is_some();
+            if zero && !together {
+                met.fill(false);
+                met[k] = true;
+                event = Some(Monitor::User(k));
+                continue;
+            }
+            self.next = high;
+            self.watches[k].jumped = !together;
         }
-        self.emit(Event::Monitor(crossing));
+        Ok(event)
     }
 
-    /// Stores the signs of functions that vanished exactly so far.
+    /// The monitor that seems to change its sign first before `next`, except those that are `met`, and the share of the step before which
+    /// it does.
+    fn changed_first(&self, met: &[bool]) -> Option<(usize, f64)> {
+        let mut first: Option<(f64, usize, f64)> = None;
+        for k in (0..met.len()).filter(|k| !met[*k] && self.watches[*k].side != 0.0) {
+            let (before, after) = (
+                self.side_of(k, &self.here.x).max(0.0),
+                self.side_of(k, &self.next.x),
+            );
+            let (end, after) = match after {
+                v if v <= 0.0 => (1.0, v),
+                _ => match self.dip_on_segment(k, before, after) {
+                    Some(found) => found,
+                    None => continue,
+                },
+            };
+            let place = end
+                * if before > after {
+                    before / (before - after)
+                } else {
+                    0.0
+                };
+            if first.is_none_or(|f| place < f.0) {
+                first = Some((place, k, end));
+            }
+        }
+        first.map(|f| (f.1, f.2))
+    }
+
+    /// A place on a straight step where a monitor that is positive at both ends is not, if its cubic interpolant leads there.
+    fn dip_on_segment(&self, k: usize, before: f64, after: f64) -> Option<(f64, f64)> {
+        const DIFFERENCE: f64 = 1.0 / 1024.0;
+        let (here, step) = (&self.here, self.next.s);
+        if !self.map.is_piecewise_affine() || step <= 0.0 || !(before > 0.0 && after > 0.0) {
+            return None;
+        }
+        let at = |u: f64| self.side_beside(k, &here.x, &here.t, u * step);
+        let slope =
+            |u: f64, d: f64, value: f64| (4.0 * at(u + d) - 3.0 * value - at(u + 2.0 * d)) / (2.0 * d);
+        let slopes = [slope(0.0, DIFFERENCE, before), slope(1.0, -DIFFERENCE, after)];
+        let lowest = dip([before, after], slopes).map(|d| d.0);
+        let places = [lowest.unwrap_or(0.5), 0.5];
+        places.into_iter().map(|u| (u, at(u))).find(|p| p.1 <= 0.0)
+    }
+
+    /// Moves `next` to a zero of monitor k before the given share of the step.
+    fn locate_zero(&mut self, k: usize, end: f64) -> Result<bool, ContinuationError> {
+        if !self.map.is_piecewise_affine() {
+            return Ok(self.locate(Monitor::User(k))?.is_some());
+        }
+        let State { x, t, .. } = &self.here;
+        let b = end * self.next.s;
+        let width = self.width(x, b);
+        let at = |s: f64| match self.side_beside(k, x, t, s) {
+            // A function that stays zero has its zero where it vanishes first.
+            0.0 if self.side_beside(k, x, t, s - width) == 0.0 => -f64::MIN_POSITIVE,
+            value => value,
+        };
+        let (mut a, mut ga) = (0.0, at(0.0));
+        if ga <= 0.0 {
+            // The start may be another zero.
+            let inside = (1..INSIDE).map(|i| b * 0.5_f64.powi(i)).find(|s| at(*s) > 0.0);
+            (a, ga) = inside.map_or((0.0, 0.0), |s| (s, at(s)));
+        }
+        let found = zero((a, b), (ga, at(b)), at);
+        self.go(found, None)?;
+        Ok(true)
+    }
+
+    /// Records the monitors with a zero at `here`, where the curve arrived along a tangent, after a step of the given length; one of them may
+    /// have been located.
+    pub(in crate::continuation) fn pass_monitors(
+        &mut self,
+        located: Option<usize>,
+        (arrival, step): (&[f64], f64),
+        corrections: usize,
+    ) {
+        for k in 0..self.watches.len() {
+            let State { x, t, .. } = &self.here;
+            let found = self.zero_at(k, x, [arrival, t], step);
+            let zero = found.or_else(|| (located == Some(k)).then_some(Zero::Crossed));
+            let point = self.point_here(PointKind::Step, corrections);
+            let watch = &mut self.watches[k];
+            let Some(zero) = zero.filter(|_| watch.side != 0.0) else {
+                continue;
+            };
+            watch.side = match zero {
+                Zero::Crossed => -watch.side,
+                Zero::Entered => 0.0,
+            };
+            let crossing = MonitorCrossing {
+                monitor: k,
+                name: watch.name.clone(),
+                point,
+            };
+            if watch.stops {
+                self.termination.get_or_insert(Termination::Monitor);
+            }
+            self.emit(Event::Monitor(crossing));
+        }
+    }
+
+    /// Stores the signs of functions that vanished so far, or jumped within the step.
     pub(in crate::continuation) fn refresh_sides(&mut self) {
-        for watch in self.watches.iter_mut().filter(|w| w.side == 0.0) {
-            watch.side = sign(self.map.at(&self.here.x, &watch.function));
+        for watch in &mut self.watches {
+            if watch.side == 0.0 || watch.jumped {
+                let now = sign(self.map.at(&self.here.x, &watch.function));
+                watch.side = if now == 0.0 { watch.side } else { now };
+                watch.jumped = false;
+            }
         }
     }
 }
@@ -133,10 +294,9 @@ fn sign(v: f64) -> f64 {
     }
 }
 
-/// A zero of g in [0, b] for values ga ≥ 0 > gb at the ends: bracketed secants (Anderson–Björck), bisection where they converge slowly.
-fn zero(end: f64, (mut ga, mut gb): (f64, f64), mut g: impl FnMut(f64) -> f64) -> f64 {
+/// A zero of g in [a, b] for values ga ≥ 0 ≥ gb at the ends: bracketed secants (Anderson–Björck), bisection where they converge slowly.
+fn zero((mut a, mut b): (f64, f64), (mut ga, mut gb): (f64, f64), mut g: impl FnMut(f64) -> f64) -> f64 {
     const LIMIT: usize = 200;
-    let (mut a, mut b) = (0.0, end);
     for step in 0..LIMIT {
         if b - a <= 2.0 * f64::EPSILON * b || ga == 0.0 {
             break;

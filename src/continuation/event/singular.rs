@@ -4,7 +4,7 @@ use super::branch_point::{BranchSystem, Singular};
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::{PiecewiseSmooth, Selection, Vanishing};
 use crate::sparse::{distance, dot, norm};
 
 /// Distance to a facet, relative to 1 + ‖x‖, up to which a curve whose steps are rejected is taken to have approached it.
@@ -12,10 +12,47 @@ const CREEP: f64 = 1e-6;
 /// Largest determinant, relative to that at the start of the step, of a bracketed point that counts as singular.
 pub(in crate::continuation) const ZERO_DETERMINANT: f64 = 1e-6;
 
+/// Relative singular value, and distance, up to which a singular point is looked for: far above the square root of rounding, to which points
+/// are located where equations are singular. What is found there is decided by its own equations.
+const NEARLY: f64 = 1e-5;
+
 impl Curve<'_> {
     /// The solution next to `guess` of the extended system of a branch point of the followed selection, where that is regular.
     fn singular_near(&self, guess: &[f64]) -> Result<Option<Singular>, ContinuationError> {
         Ok(BranchSystem::new(&self.map, &self.selection, &self.here.x, guess).solve(guess)?)
+    }
+
+    /// Whether ∇H^(σ) of a selection is singular at a point within rounding of `here`, as far as rounding moves points located by
+    /// equations that are nearly singular; `here` is moved to it. With an index, its test function has to vanish there, too.
+    pub(in crate::continuation) fn moves_to_singular_point(
+        &mut self,
+        selection: &Selection,
+        index: Option<usize>,
+    ) -> Result<bool, ContinuationError> {
+        if self.map.is_piecewise_affine() || !self.search(&[]).is_nearly_singular(selection, NEARLY)? {
+            return Ok(false);
+        }
+        let guess = self.here.x.clone();
+        let reach = NEARLY * (1.0 + norm(&guess));
+        let found = BranchSystem::new(&self.map, selection, &self.here.x, &guess).solve(&guess)?;
+        let Some(Singular { x, .. }) = found.filter(|s| s.on_curve && distance(&s.x, &guess) <= reach) else {
+            return Ok(false);
+        };
+        let mut theta = vec![0.0; self.layout.total()];
+        self.map.tests_of_selection(selection, &x, None, &mut theta);
+        if let Some(index) = index {
+            let v = Vanishing::new(&self.map, &self.layout, selection, index, &x);
+            let reach = self.options.vanishing_distance * (1.0 + norm(&x));
+            if theta[index].abs() > reach * v.gradient_norm {
+                return Ok(false);
+            }
+        }
+        self.here.x = x;
+        self.here.theta = theta;
+        self.here.orientation = None;
+        self.here.det_sign = Some(0);
+        self.here.decline = None;
+        Ok(true)
     }
 
     /// The branch point of the followed selection within `reach` of `guess`.

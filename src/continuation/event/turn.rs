@@ -1,25 +1,22 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
-use super::arms::Arms;
-use super::units::Units;
-use super::watch::VERTICAL;
 use crate::continuation::engine::Curve;
+use crate::continuation::point::units::Units;
+use crate::continuation::point::{Arms, Wanted};
 use crate::continuation::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
     TransitionKind,
 };
-use crate::piecewise::{ActiveSet, PiecewiseSmooth, Vanishing};
-use crate::sparse::distance;
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
+use crate::sparse::{distance, dot};
 
-/// An arm within this distance of the reversed tangent of arrival is the arm of arrival.
-const INCOMING: f64 = 1e-5;
-const INCOMING_SINGULAR: f64 = 1e-2;
 /// An arm within this distance of the tangent of arrival goes straight on.
 const STRAIGHT: f64 = 1e-5;
 
 impl Curve<'_> {
     /// Handles the transition at `here`, where test function `index` vanishes.
     pub(in crate::continuation) fn pass_transition(&mut self, index: usize) -> Result<(), ContinuationError> {
+        self.moves_to_singular_point(&self.selection.clone(), Some(index))?;
         let vanishing = self.met_together(index)?;
         let indices = vanishing.iter().map(|v| v.index).collect();
         let active = ActiveSet::beside(
@@ -31,19 +28,48 @@ impl Curve<'_> {
         );
         let simple =
             vanishing.len() == 1 && matches!(active.degenerate_sites(), [(_, pieces)] if pieces.len() == 2);
-        let arms = if simple && self.here.orientation.is_some() {
-            self.simple_arms(&vanishing, &active)?
-        } else {
-            // Without an orientation the selection is singular here.
-            let singular = self.here.orientation.is_none().then(|| self.selection.clone());
-            let mut search = self.search(&vanishing);
-            search.singular = singular;
-            let mut arms = search.all(&active)?;
-            self.remove_incoming(&mut arms);
-            arms
+        let first = (simple && self.here.orientation.is_some())
+            .then(|| self.simple_arm(&vanishing, &active))
+            .transpose()?;
+        let (arms, arrival) = match first.flatten() {
+            Some((arm, arrival)) => {
+                let arrival = self.arm_behind(arrival);
+                let list = vec![arm];
+                let complete = true;
+                (
+                    Arms {
+                        list,
+                        complete,
+                        ..Arms::default()
+                    },
+                    arrival,
+                )
+            }
+            None => {
+                // Without an orientation the selection is singular here.
+                let singular = self.here.orientation.is_none().then(|| self.selection.clone());
+                let all = self.every_arm || singular.is_some();
+                let (arrival, before) = (self.here.t.clone(), self.selection.clone());
+                let mut search = self.search(&vanishing);
+                search.singular = singular;
+                let mut arms = if all {
+                    search.all(&active)?
+                } else {
+                    search.following(&active, Wanted::After(&arrival), &before)?
+                };
+                let incoming = self.take_incoming(&mut arms)?;
+                if simple && arms.list.is_empty() && !arms.complete {
+                    // What cannot be decided to higher order may still be followed to first order.
+                    arms.list.extend(self.arm_beyond(&vanishing, &active)?);
+                }
+                (
+                    arms,
+                    incoming.unwrap_or_else(|| self.arm_behind(self.direction_here())),
+                )
+            }
         };
         let followed = self.choose(&arms);
-        let mut record = self.transition(&vanishing, &arms, followed);
+        let mut record = self.transition(&vanishing, (&arms, arrival), followed);
         let stop = match (followed, arms.list.len()) {
             (Some(_), _) => None,
             (None, 0) if arms.complete => Some(Termination::End),
@@ -57,7 +83,7 @@ impl Curve<'_> {
         };
         let mut left = self.adopt(&arms.list[k], &vanishing);
         if left.is_ok() && !simple {
-            left = self.doubt_orientation();
+            left = self.doubt_orientation(&arms.list[k]);
         }
         if left.is_ok() {
             record.det_sign = self.det_sign_here();
@@ -66,33 +92,41 @@ impl Curve<'_> {
         left
     }
 
-    /// The arms where a single facet between two pieces is crossed: the kernel of the selection beyond it. Its sign is fixed by the
-    /// margin of the cell entered; the determinant must agree (∇H jumps by c ⊗ ∇θ).
-    fn simple_arms(
+    /// The arm along which the curve arrived, for this sign of α̇ on arrival.
+    fn arm_behind(&self, direction: i8) -> Arm {
+        let back = self.here.t.iter().map(|t| -t).collect();
+        let grazing = self.point_here(PointKind::Step, 0).grazing;
+        let mut arm = Arm::along(self.selection.clone(), back, grazing, self.here.det_sign);
+        arm.direction = -direction;
+        arm
+    }
+
+    /// Sign of α̇ on arrival, by the first order.
+    fn direction_here(&self) -> i8 {
+        Units::new(&self.map, &self.selection, &self.here.x).direction(&self.here.t)
+    }
+
+    /// The arm where a single facet between two pieces is crossed, and the sign of α̇ on arrival, where the first order decides both: the
+    /// kernel of the selection beyond the facet. Its sign is fixed by the margin of the cell entered; the determinant must agree (∇H jumps
+    /// by c ⊗ ∇θ).
+    fn simple_arm(
         &mut self,
         vanishing: &[Vanishing],
         active: &ActiveSet,
-    ) -> Result<Arms, ContinuationError> {
-        let mut beyond = self.selection.clone();
-        for (site, pieces) in active.degenerate_sites() {
-            if let Some(&other) = pieces.iter().find(|&&p| p != self.selection.piece(*site)) {
-                beyond.set(*site, other);
-            }
+    ) -> Result<Option<(Arm, i8)>, ContinuationError> {
+        let affine = self.map.is_piecewise_affine();
+        if !affine && self.is_singular_here(&self.selection_beyond(active))? {
+            return Ok(None);
         }
-        let mut arms = Arms {
-            complete: true,
-            ..Arms::default()
+        let before = self.direction_here();
+        let Some(arm) = self.arm_beyond(vanishing, active)? else {
+            return Ok(None);
         };
-        let arrival = self.here.t.clone();
-        self.search(vanishing)
-            .of_selection(&beyond, Some(&arrival), &mut arms)?;
-        if arms.list.len() != 1 || !arms.list[0].grazing.is_empty() {
-            // Not transversal after all: the full list decides.
-            let mut all = self.search(vanishing).all(active)?;
-            self.remove_incoming(&mut all);
-            return Ok(all);
+        if !affine && (before == 0 || arm.direction == 0) {
+            // A higher order decides.
+            return Ok(None);
         }
-        let after = self.corrector.orientation(&arms.list[0].tangent);
+        let after = self.corrector.orientation(&arm.tangent);
         if let (Some(before), Some(after)) = (self.here.orientation, after)
             && before != after
         {
@@ -101,41 +135,94 @@ impl Curve<'_> {
                 site: self.map.site_name(vanishing[0].site).into_owned(),
             });
         }
-        Ok(arms)
+        Ok(Some((arm, before)))
     }
 
-    fn remove_incoming(&self, arms: &mut Arms) {
-        let back: Vec<f64> = self.here.t.iter().map(|t| -t).collect();
-        let nearest = (0..arms.list.len()).min_by(|&i, &j| {
-            let d = |k: usize| distance(&arms.list[k].tangent, &back);
-            d(i).total_cmp(&d(j))
-        });
-        let tolerance = match self.here.orientation {
-            Some(_) => INCOMING,
-            // At a singular point the tangent of arrival is less accurate.
-            None => INCOMING_SINGULAR,
-        };
-        if let Some(k) = nearest
-            && distance(&arms.list[k].tangent, &back) < tolerance
-        {
-            arms.list.remove(k);
+    /// The selection on the other side of the only facet that meets here.
+    fn selection_beyond(&self, active: &ActiveSet) -> Selection {
+        let mut beyond = self.selection.clone();
+        for (site, pieces) in active.degenerate_sites() {
+            if let Some(&other) = pieces.iter().find(|&&p| p != self.selection.piece(*site)) {
+                beyond.set(*site, other);
+            }
         }
+        beyond
     }
 
-    /// The tangent of arrival is extrapolated: the arm of arrival is the one nearest to it.
-    fn snap_tangent(&mut self, arms: &Arms) {
-        const NEAR: f64 = 0.05;
-        let far = |a: &Arm| {
-            (a.tangent
-                .iter()
-                .zip(&self.here.t)
-                .map(|(a, b)| (a + b).powi(2))
-                .sum::<f64>())
-            .sqrt()
+    /// Its arm, if that crosses the facet transversally.
+    fn arm_beyond(
+        &mut self,
+        vanishing: &[Vanishing],
+        active: &ActiveSet,
+    ) -> Result<Option<Arm>, ContinuationError> {
+        let (beyond, arrival) = (self.selection_beyond(active), self.here.t.clone());
+        Ok(self.search(vanishing).regular_arm(&beyond, &arrival)?)
+    }
+
+    /// Takes the arm along which the curve arrived out of the list: the nearest to the curve behind, by a point at the distance of the
+    /// corrected points of the arms where these are needed to tell them apart.
+    fn take_incoming(&mut self, arms: &mut Arms) -> Result<Option<Arm>, ContinuationError> {
+        let own = |a: &Arm| {
+            let mut apart = a.selection.differing_sites(&self.selection);
+            apart.all(|site| a.grazing.contains(&site))
         };
-        let nearest = arms.list.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
-        if let Some(arm) = nearest.filter(|a| far(a) < NEAR) {
-            self.here.t = arm.tangent.iter().map(|t| -t).collect();
+        let candidates: Vec<usize> = (0..arms.list.len()).filter(|&k| own(&arms.list[k])).collect();
+        let back: Vec<f64> = self.here.t.iter().map(|t| -t).collect();
+        let mut nearest: Option<(f64, usize)> = None;
+        for &k in &candidates {
+            let arm = &arms.list[k];
+            let radius = if arm.probe.is_empty() {
+                0.0
+            } else {
+                distance(&arm.probe, &self.here.x)
+            };
+            let point = if radius > 0.0 {
+                self.point_behind(radius)?
+            } else {
+                None
+            };
+            let far = match point {
+                Some(point) => distance(&arm.probe, &point) / radius,
+                None => distance(&arm.tangent, &back),
+            };
+            if nearest.is_none_or(|n| far < n.0) {
+                nearest = Some((far, k));
+            }
+        }
+        let opposite = |k: usize| dot(&arms.list[k].tangent, &back) <= 0.0;
+        Ok(nearest.filter(|n| !opposite(n.1)).map(|n| arms.list.remove(n.1)))
+    }
+
+    /// The point of the last step at a distance before `here`.
+    fn point_behind(&mut self, radius: f64) -> Result<Option<Vec<f64>>, ContinuationError> {
+        let (anchor, normal) = (self.next.x.clone(), self.next.t.clone());
+        let chord: Vec<f64> = self.here.x.iter().zip(&anchor).map(|(x, a)| x - a).collect();
+        let s = dot(&chord, &normal) - radius;
+        if s <= 0.0 {
+            return Ok(None);
+        }
+        let mut y: Vec<f64> = self
+            .here
+            .x
+            .iter()
+            .zip(&self.here.t)
+            .map(|(x, t)| x - radius * t)
+            .collect();
+        let guess = y.clone();
+        let mut t = self.here.t.clone();
+        let corrected = (self.corrector).correct_in_plane(
+            &self.map,
+            &self.selection,
+            &anchor,
+            &normal,
+            s,
+            &mut y,
+            &mut t,
+        );
+        match corrected {
+            Ok(c) if c.converged && distance(&y, &guess) <= 0.5 * radius => Ok(Some(y)),
+            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(None),
+            Err(e) => Err(e.into()),
         }
     }
 
@@ -151,7 +238,12 @@ impl Curve<'_> {
         }
     }
 
-    fn transition(&self, vanishing: &[Vanishing], arms: &Arms, followed: Option<usize>) -> Transition {
+    fn transition(
+        &self,
+        vanishing: &[Vanishing],
+        (arms, arrival): (&Arms, Arm),
+        followed: Option<usize>,
+    ) -> Transition {
         let arm = followed.map(|k| &arms.list[k]);
         let after = arm.map_or(&self.selection, |a| &a.selection);
         let tangent_after = arm.map_or(&self.here.t, |a| &a.tangent);
@@ -177,7 +269,8 @@ impl Curve<'_> {
             sites: changes,
             test_functions: self.here.theta.clone(),
             vanishing: vanishing.iter().map(|v| v.index).collect(),
-            kind: kind(&self.here.t, arm, arms, VERTICAL),
+            kind: kind(-arrival.direction, arm, arms),
+            arrival,
             arms: arms.list.clone(),
             followed,
             complete: arms.complete,
@@ -203,23 +296,30 @@ impl Curve<'_> {
             Some(k) => self.coactive[k].0.clone(),
             None => self.selection.clone(),
         };
+        if coactive.is_some() {
+            self.moves_to_singular_point(&singular, None)?;
+        }
         let forced: Vec<usize> = self.grazing.iter().map(|v| v.index).collect();
         let vanishing = self.vanishing_here(&forced);
         let active = self.active_here(&vanishing)?;
         let mut search = self.search(&vanishing);
         search.singular = Some(singular.clone());
         let mut arms = search.all(&active)?;
-        if coactive.is_none() {
-            self.snap_tangent(&arms);
+        let incoming = self.take_incoming(&mut arms)?;
+        if let Some(incoming) = &incoming {
+            // The tangent of arrival is extrapolated: that of the arm is known better.
+            self.here.t = incoming.tangent.iter().map(|t| -t).collect();
         }
-        self.remove_incoming(&mut arms);
-        let straight = Arm {
-            selection: self.selection.clone(),
-            tangent: self.here.t.clone(),
-            grazing: self.point_here(PointKind::Step, 0).grazing,
-        };
-        let near = |a: &Arm| distance(&a.tangent, &straight.tangent) < 1e-3;
-        let k = match arms.list.iter().position(near) {
+        let arrival = incoming.unwrap_or_else(|| self.arm_behind(self.direction_here()));
+        let straight = Arm::along(
+            self.selection.clone(),
+            self.here.t.clone(),
+            self.point_here(PointKind::Step, 0).grazing,
+            None,
+        );
+        let far = |a: &Arm| distance(&a.tangent, &straight.tangent);
+        let nearest = (0..arms.list.len()).min_by(|&i, &j| far(&arms.list[i]).total_cmp(&far(&arms.list[j])));
+        let k = match nearest.filter(|&k| far(&arms.list[k]) < STRAIGHT) {
             Some(k) => {
                 // The followed selection is kept: it is regular, or its curve is the one that is followed.
                 arms.list[k].selection = straight.selection;
@@ -234,12 +334,16 @@ impl Curve<'_> {
             point: self.point_here(PointKind::Step, 0),
             singular,
             arms: arms.list.clone(),
+            arrival,
             followed: Some(k),
             complete: arms.complete,
         };
         self.emit(Event::BranchPoint(event));
         let mut watched = std::mem::take(&mut self.coactive);
         self.adopt(&arms.list[k], &vanishing)?;
+        if !arms.list[k].probe.is_empty() {
+            return Ok(());
+        }
         // At the point itself signs are rounding noise; beyond it exactly one has flipped.
         match coactive {
             Some(k) => {
@@ -255,7 +359,7 @@ impl Curve<'_> {
     }
 
     /// A vanishing test function of a facet of the followed cell across which the tangent leads out.
-    fn facet_left_here(&self) -> Option<usize> {
+    pub(in crate::continuation) fn facet_left_here(&self) -> Option<usize> {
         let mut units = Units::new(&self.map, &self.selection, &self.here.x);
         let mut leaves = |v: &&Vanishing| {
             let rate = v.rate(&self.here.t);
@@ -270,28 +374,15 @@ impl Curve<'_> {
     }
 }
 
-/// The kind of a transition; a rate of α no larger than `vertical` counts as 0.
-pub(in crate::continuation) fn kind(
-    arrival: &[f64],
-    arm: Option<&Arm>,
-    arms: &Arms,
-    vertical: f64,
-) -> TransitionKind {
-    let rate = |t: &[f64]| {
-        let last = t.last().copied().unwrap_or(0.0);
-        if last.abs() <= vertical {
-            0.0
-        } else {
-            last.signum()
-        }
-    };
+/// The kind of a transition on which the curve arrives with this sign of α̇.
+pub(in crate::continuation) fn kind(arrival: i8, arm: Option<&Arm>, arms: &Arms) -> TransitionKind {
     match (arms.list.len(), arm) {
         (0, _) if arms.complete => TransitionKind::End,
         (0, _) => TransitionKind::Undecided,
-        (1, Some(arm)) => match (rate(arrival), rate(&arm.tangent)) {
+        (1, Some(arm)) => match (arrival, arm.direction) {
             (a, b) if a == b => TransitionKind::PassThrough,
-            (_, 0.0) => TransitionKind::VerticalBegin,
-            (0.0, _) => TransitionKind::VerticalEnd,
+            (_, 0) => TransitionKind::VerticalBegin,
+            (0, _) => TransitionKind::VerticalEnd,
             _ => TransitionKind::Fold,
         },
         _ => TransitionKind::Branching,
@@ -309,10 +400,9 @@ mod tests {
         let map = Plane::within(|y, _| [y, 1.0, 0.0], &[]);
         let mut run = map.curve(0.0, 0.0);
         let curve = run.curve.erased_mut();
-        let arm = |angle: f64| Arm {
-            selection: curve.selection.clone(),
-            tangent: vec![angle.sin(), -angle.cos()],
-            grazing: Vec::new(),
+        let arm = |angle: f64| {
+            let tangent = vec![angle.sin(), -angle.cos()];
+            Arm::along(curve.selection.clone(), tangent, Vec::new(), None)
         };
         let beside = [0.2, -0.05, 1e-3, 2e-5].map(arm);
         let back = arm(1e-7);
@@ -320,10 +410,8 @@ mod tests {
             list: beside.to_vec(),
             ..Arms::default()
         };
-        curve.remove_incoming(&mut arms);
-        assert_eq!(arms.list, beside);
-        arms.list.insert(2, back);
-        curve.remove_incoming(&mut arms);
+        arms.list.insert(2, back.clone());
+        assert_eq!(curve.take_incoming(&mut arms).unwrap(), Some(back));
         assert_eq!(arms.list, beside);
     }
 

@@ -2,12 +2,12 @@
 
 use std::borrow::Cow;
 
-use super::arms::UNEXPLAINED;
 use super::singular::ZERO_DETERMINANT;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
+use crate::continuation::point::search::UNEXPLAINED;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
-use crate::sparse::norm;
+use crate::sparse::{distance, norm};
 
 /// A scalar function along the curve whose changes of sign are events.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,28 +38,48 @@ pub(in crate::continuation) enum Unresolved {
 /// Largest number of successively earlier events located within one step.
 const LIMIT: usize = 60;
 /// Distance along the curve, relative to 1 + ‖x‖, by which rounding may move a located point.
-const ROUNDING: f64 = 16.0 * f64::EPSILON;
+pub(super) const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// α̇ below this counts as zero: the curve is vertical.
 pub(in crate::continuation) const VERTICAL: f64 = 1e-9;
 
 impl Curve<'_> {
-    /// Finds the first event between `here` and `next` and moves `next` there. `Ok(None)`: no event.
+    /// Finds the first event between `here` and `next` and moves `next` there. `Ok(None)`: no event; `next` may be nearer than it was,
+    /// where the step was cut at a point that its ends do not account for.
     pub(in crate::continuation) fn first_event(
         &mut self,
     ) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
         self.note_departure();
-        if self.dips_unseen() {
-            return Ok(Err(Unresolved::Event));
-        }
+        self.find_headings()?;
         let mut found = Vec::new();
+        let mut compared = false;
         for _ in 0..LIMIT {
-            let Some(monitor) = self.earliest(&found)? else {
-                // Beyond the event the curve of the selection has no meaning: earlier events may show only with the event as the end.
-                if !found.is_empty() && self.dips_unseen() {
-                    return Ok(Err(Unresolved::Event));
-                }
-                return Ok(Ok(found.pop()));
+            // Beyond an event the curve of the selection has no meaning: earlier events may show only with the event as the end.
+            let crossed = if !compared && found.is_empty() {
+                None
+            } else {
+                self.earliest(&found)?
             };
+            let Some(monitor) = crossed else {
+                if compared {
+                    return Ok(Ok(self.first_zero(found.pop())?));
+                }
+                compared = true;
+                match self.cut_unseen()? {
+                    Err(unresolved) => return Ok(Err(unresolved)),
+                    Ok(true) => {
+                        found.clear();
+                        compared = false;
+                    }
+                    Ok(false) => {}
+                }
+                continue;
+            };
+            // Where α turns within rounding of a facet, the fold is what happens at the facet.
+            let facet = matches!(
+                (monitor, found.last()),
+                (Monitor::Fold, Some(Monitor::Facet { .. }))
+            );
+            let facet = facet.then(|| self.next.clone());
             match monitor {
                 Monitor::Singular => {
                     if let Err(unresolved) = self.resolve_flip()? {
@@ -74,6 +94,15 @@ impl Curve<'_> {
                     }
                 }
             }
+            if let Some(facet) = facet
+                && distance(&facet.x, &self.next.x) <= self.width(&facet.x, facet.s)
+            {
+                self.next = facet;
+                self.next.heading = self.here.heading;
+                continue;
+            }
+            self.find_headings()?;
+            compared = false;
             found.push(monitor);
         }
         Ok(Err(Unresolved::Event))
@@ -131,7 +160,8 @@ impl Curve<'_> {
             let passed = if is_bound {
                 let outwards = if value == upper { 1.0 } else { -1.0 };
                 // A curve may start on the bound and go inwards, or touch the bound.
-                outwards * (a1 - value) > 0.0 || (arrived && outwards * t1 > VERTICAL)
+                outwards * (a1 - value) > 0.0
+                    || (arrived && self.next.heading.is_some_and(|h| outwards * f64::from(h) > 0.0))
             } else {
                 (a0 - value) * (a1 - value) < 0.0 || arrived
             };
@@ -146,18 +176,15 @@ impl Curve<'_> {
                 );
             }
         }
-        if t0 * t1 < 0.0 && t0.abs() > VERTICAL && t1.abs() > VERTICAL {
-            offer(t0 / (t0 - t1), Monitor::Fold);
+        if let (Some(before), Some(after)) = (self.here.heading, self.next.heading)
+            && before * after < 0
+        {
+            offer((t0 / (t0 - t1)).clamp(0.0, 1.0), Monitor::Fold);
         }
         if let (Some(o0), Some(o1)) = (self.here.orientation, self.next.orientation)
             && o0.signum() * o1.signum() < 0
         {
             offer(0.5, Monitor::Singular);
-        }
-        for k in 0..self.watches.len() {
-            if let Some((g0, g1)) = self.crossing(k, &self.next.x) {
-                offer(g0 / (g0 - g1), Monitor::User(k));
-            }
         }
         if !self.coactive.is_empty() {
             let (x, t) = (self.next.x.clone(), self.next.t.clone());
@@ -187,40 +214,8 @@ impl Curve<'_> {
         self.next.theta[index].abs() > UNEXPLAINED * self.next.s * fastest
     }
 
-    /// Whether a facet may be crossed twice inside the step: its cubic Hermite interpolant is negative in between although both
-    /// ends are inside.
-    fn dips_unseen(&self) -> bool {
-        if self.map.is_piecewise_affine() {
-            return false;
-        }
-        let total = self.layout.total();
-        let d0 = self.departing_rates();
-        let mut d1 = vec![0.0; total];
-        self.map
-            .tests_of_selection(&self.selection, &self.next.x, Some(&self.next.t), &mut d1);
-        let step = self.next.s.max(f64::MIN_POSITIVE);
-        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
-        for site in 0..self.layout.num_sites() {
-            let first = self.layout.range(site).start;
-            for facet in self.map.cell(site, self.selection.piece(site)) {
-                let k = first + facet.test();
-                if self.grazing.iter().any(|v| v.index == k) {
-                    continue;
-                }
-                let g = [self.here.theta[k], self.next.theta[k]].map(|t| facet.sign() * t);
-                let slope = [d0[k], d1[k]].map(|d| facet.sign() * d * step);
-                // A step may begin on the facet, to rounding.
-                let inside = g[0] >= reach * slope[0] / step && g[1] > 0.0;
-                if inside && slope[0] < 0.0 && slope[1] > 0.0 && hermite_min(g, slope) < 0.0 {
-                    return true;
-                }
-            }
-        }
-        false
-    }
-
     /// Rates of the test functions along the tangent at `here`.
-    fn departing_rates(&self) -> Cow<'_, [f64]> {
+    pub(super) fn departing_rates(&self) -> Cow<'_, [f64]> {
         if self.departure.is_of(self) {
             return Cow::Borrowed(&self.departure.rates);
         }
@@ -275,22 +270,6 @@ impl Departure {
     }
 }
 
-/// Least value on [0, 1] of the cubic with the given values and slopes at the ends, both decreasing towards the interior.
-fn hermite_min(g: [f64; 2], d: [f64; 2]) -> f64 {
-    let a = 2.0 * g[0] - 2.0 * g[1] + d[0] + d[1];
-    let b = -3.0 * g[0] + 3.0 * g[1] - 2.0 * d[0] - d[1];
-    let value = |u: f64| ((a * u + b) * u + d[0]) * u + g[0];
-    let (qa, qb, qc) = (3.0 * a, 2.0 * b, d[0]);
-    let root = (qb * qb - 4.0 * qa * qc).max(0.0).sqrt();
-    let q = -0.5 * (qb + if qb < 0.0 { -root } else { root });
-    let candidates = [q / qa, qc / q];
-    candidates
-        .into_iter()
-        .filter(|u| *u > 0.0 && *u < 1.0)
-        .map(value)
-        .fold(f64::INFINITY, f64::min)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -335,31 +314,6 @@ mod tests {
         assert_eq!(left([1.0, -1e-12], &[first, second]), None);
         assert_eq!(left([1.0, -1e-6], &[first, second]), Some(first));
         assert_eq!(left([1.0, -1e-6], &[second, first]), None);
-    }
-
-    /// The cubic in the form of Bernstein on a grid; the parabola (1 − 2u)², whose least value is at a root of a linear equation.
-    #[test]
-    fn cubics_have_their_least_values() {
-        for k in 0..200 {
-            let [a, b, c, d] = [1, 2, 3, 5].map(|m: u32| (f64::from(k * m) * f64::from(m).sqrt()).fract());
-            let (g, slope) = ([a, b], [-0.1 - 9.0 * c, 0.1 + 9.0 * d]);
-            let control = [g[0], g[0] + slope[0] / 3.0, g[1] - slope[1] / 3.0, g[1]];
-            let value = |u: f64| {
-                let v = 1.0 - u;
-                control[0] * v.powi(3)
-                    + 3.0 * u * v * (control[1] * v + control[2] * u)
-                    + control[3] * u.powi(3)
-            };
-            let least = (1..2000)
-                .map(|i| value(f64::from(i) / 2000.0))
-                .fold(f64::INFINITY, f64::min);
-            let found = hermite_min(g, slope);
-            assert!(
-                found <= least + 1e-14 && found > least - 1e-5,
-                "{k}: {found} {least}"
-            );
-        }
-        assert_eq!(hermite_min([1.0, 1.0], [-4.0, 4.0]), 0.0);
     }
 
     /// α (2 − α) leaves its facet inwards at 0 and comes back at 2; at 2 it leaves outwards. The parabola is its own interpolant.

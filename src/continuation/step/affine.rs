@@ -56,9 +56,6 @@ impl Curve<'_> {
                 );
             }
         }
-        if let Some((ahead, crossing)) = self.first_crossing(s) {
-            (s, event) = (ahead, Some(crossing));
-        }
         self.go(s, event)?;
         // Rates may be difference quotients, too inaccurate for the order of close facets; values at both ends are accurate.
         for _ in 0..REORDERED {
@@ -68,6 +65,7 @@ impl Curve<'_> {
             event = Some(crossing);
             self.go(sooner, event)?;
         }
+        event = self.first_zero(event)?;
         self.arrive(event, 0)?;
         if event.is_none() && self.termination.is_none() {
             self.termination = Some(if ends_by_length {
@@ -80,7 +78,11 @@ impl Curve<'_> {
     }
 
     /// Moves `next` to the distance s along the tangent, and from there onto the facet of the event.
-    fn go(&mut self, s: f64, event: Option<Monitor>) -> Result<(), ContinuationError> {
+    pub(in crate::continuation) fn go(
+        &mut self,
+        s: f64,
+        event: Option<Monitor>,
+    ) -> Result<(), ContinuationError> {
         for i in 0..self.here.x.len() {
             self.next.x[i] = self.here.x[i] + s * self.here.t[i];
         }
@@ -88,6 +90,7 @@ impl Curve<'_> {
         self.next.s = s;
         self.next.orientation = self.here.orientation;
         self.next.det_sign = self.here.det_sign;
+        self.next.heading = self.here.heading;
         self.settle()?;
         self.map.test_functions(&self.next.x, &mut self.next.theta);
         if let Some(Monitor::Facet { index, .. }) = event {

@@ -1,10 +1,15 @@
 //! The end of a step: at a regular point, at an event, or where the curve closes.
 
-use crate::continuation::engine::Curve;
+use crate::continuation::engine::{Curve, State};
+use crate::continuation::event::locate::STRAY;
 use crate::continuation::event::watch::{Monitor, VERTICAL};
+use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::{ContinuationError, Event, PointKind, SmoothFold, Termination};
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{distance, norm};
+
+/// Share of a step by which rounding may put its end before a start that it reaches.
+const SLACK: f64 = 1e-3;
 
 impl Curve<'_> {
     /// Moves to `next`, where the step ends regularly or at an event.
@@ -14,27 +19,47 @@ impl Curve<'_> {
         corrections: usize,
     ) -> Result<(), ContinuationError> {
         let closed = self.closes()?;
-        self.arclength += distance(&self.here.x, &self.next.x);
+        let step = distance(&self.here.x, &self.next.x);
+        self.arclength += step;
         std::mem::swap(&mut self.here, &mut self.next);
         self.here.s = 0.0;
         self.forget_facets_left()?;
         self.refresh_sides();
+        let arrival = (!self.watches.is_empty()).then(|| self.here.t.clone());
+        // An event beyond the start is none of a curve that closes there.
+        let located = match event {
+            Some(Monitor::User(k)) if !closed => Some(k),
+            _ => None,
+        };
         if closed {
             let point = self.point_here(PointKind::Step, corrections);
             self.emit(Event::Point(point));
             self.termination = Some(Termination::Closed);
-            return Ok(());
+        } else {
+            if !matches!(event, Some(Monitor::Coactive(_))) {
+                self.refresh_coactive()?;
+            }
+            self.pass(event, corrections)?;
         }
-        if !matches!(event, Some(Monitor::Coactive(_))) {
-            self.refresh_coactive()?;
+        if let Some(arrival) = arrival
+            && (closed || event.is_some())
+        {
+            self.pass_monitors(located, (&arrival, step), corrections);
         }
+        Ok(())
+    }
+
+    /// What happens at `here`.
+    fn pass(&mut self, event: Option<Monitor>, corrections: usize) -> Result<(), ContinuationError> {
         match event {
             None => {
                 let point = self.point_here(PointKind::Step, corrections);
                 self.emit(Event::Point(point));
-                Ok(())
             }
-            Some(Monitor::Facet { index, .. }) => self.pass_transition(index),
+            Some(Monitor::Facet { index, .. }) => {
+                self.here.heading = None;
+                self.pass_transition(index)?;
+            }
             Some(Monitor::Parameter { value, last }) => {
                 self.hit_parameter(value)?;
                 let point = self.point_here(PointKind::Target, corrections);
@@ -42,24 +67,37 @@ impl Curve<'_> {
                 if last {
                     self.termination = Some(Termination::ParameterRange);
                 }
-                Ok(())
+            }
+            Some(Monitor::Fold) if self.moves_to_singular_point(&self.selection.clone(), None)? => {
+                self.here.heading = None;
+                self.pass_branch_point(None)?;
+            }
+            Some(Monitor::Fold) if self.facet_left_here().is_some() => {
+                let index = self.facet_left_here().unwrap_or_default();
+                self.here.heading = None;
+                self.pass_transition(index)?;
             }
             Some(Monitor::Fold) => {
                 // Rounding must not put the fold ahead of the point.
                 if let Some(rate) = self.here.t.last_mut() {
                     *rate = 0.0;
                 }
+                self.here.heading = self.next.heading.map(|before| -before);
                 let point = self.point_here(PointKind::Step, corrections);
                 self.emit(Event::SmoothFold(SmoothFold { point }));
-                Ok(())
             }
-            Some(Monitor::Singular) => self.pass_branch_point(None),
-            Some(Monitor::Coactive(k)) => self.pass_branch_point(Some(k)),
-            Some(Monitor::User(k)) => {
-                self.pass_monitor(k, corrections);
-                Ok(())
+            Some(Monitor::Singular) => {
+                self.here.heading = None;
+                self.pass_branch_point(None)?;
             }
+            Some(Monitor::Coactive(k)) => {
+                self.here.heading = None;
+                self.pass_branch_point(Some(k))?;
+            }
+            // Recorded with the other monitors.
+            Some(Monitor::User(_)) => {}
         }
+        Ok(())
     }
 
     /// Puts α exactly on a requested value.
@@ -107,30 +145,31 @@ impl Curve<'_> {
         Ok(())
     }
 
-    /// Whether the arc from `here` to `next` passes through the start, to which `next` is moved in this case. It does if the point of this
-    /// arc in the hyperplane through the start is the start: an arc that passes nearby does not, though the start solves
-    /// H^(σ)(x) = 0 for its selection, too.
+    /// Whether the arc from `here` to `next` passes through the start, to which `next` is moved in this case. It does if, in a plane across
+    /// both, the point of the arc and that of the curve through the start are one, as far as rounding lets them be known.
     fn closes(&mut self) -> Result<bool, ContinuationError> {
         let length = distance(&self.here.x, &self.next.x);
-        let reach = 1e-8 * (1.0 + norm(&self.start));
-        if self.arclength <= reach || distance(&self.here.x, &self.start) > 1.5 * length {
+        // An event located at the start may lie before it.
+        let slack = (self.options.vanishing_distance * (1.0 + norm(&self.start))).min(SLACK * length);
+        let offset = self.progress_to(&self.start);
+        if self.arclength <= slack || !(offset > 0.0 && offset <= self.next.s + slack) {
             return Ok(false);
         }
         let high = self.next.clone();
         let mut abreast = high.clone();
-        if distance(&high.x, &self.start) > reach {
-            let offset = self.progress_to(&self.start);
-            let inside = offset > -reach && offset <= high.s + reach;
-            if !inside
-                || !self.state_at(offset, &high, &mut abreast)?
-                || distance(&abreast.x, &self.start) > reach
-            {
-                return Ok(false);
-            }
-            self.complete_state(&mut abreast)?;
+        self.interpolate(offset, &high, &mut abreast);
+        if distance(&abreast.x, &self.start) > STRAY * high.s {
+            return Ok(false);
         }
-        // Where the curve returns beside itself, closer than that, its direction is the opposite one.
         let (selection, start) = (self.selection.clone(), self.start.clone());
+        if !self.is_one(&mut abreast, &start)? {
+            return Ok(false);
+        }
+        abreast.s = offset;
+        self.map
+            .tests_of_selection(&selection, &abreast.x, None, &mut abreast.theta);
+        self.complete_state(&mut abreast)?;
+        // Where the curve returns beside itself, closer than that, its direction is the opposite one.
         let at_start = self.orientation_of(&selection, &start, &abreast.t)?;
         if let (Some(here), Some(there)) = (abreast.orientation, at_start)
             && here != there
@@ -139,6 +178,39 @@ impl Curve<'_> {
         }
         self.next = abreast;
         Ok(true)
+    }
+
+    /// Whether the curve of the selection through `state`, which is corrected, and that through `other` are one where they meet the plane
+    /// across them: the distance is explained by rounding errors of H, or by the last steps of the corrector.
+    fn is_one(&mut self, state: &mut State, other: &[f64]) -> Result<bool, ContinuationError> {
+        let length = norm(&state.t);
+        let normal: Vec<f64> = state.t.iter().map(|t| t / length).collect();
+        let (mut there, mut steps) = (other.to_vec(), 0.0);
+        for x in [&mut state.x, &mut there] {
+            let mut t = normal.clone();
+            let corrected =
+                self.corrector
+                    .correct_in_plane(&self.map, &self.selection, other, &normal, 0.0, x, &mut t);
+            match corrected {
+                Ok(c) if c.converged => steps += c.step_norm,
+                Ok(_) | Err(PiecewiseError::Linear(_)) => return Ok(false),
+                Err(e) => return Err(e.into()),
+            }
+        }
+        // The other point has to lie on the curve of the selection itself, too.
+        Ok([(&state.x[..], &there[..]), (&there, other)]
+            .into_iter()
+            .all(|(a, b)| {
+                let gap: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+                let size = norm(&gap);
+                if size <= 2.0 * steps {
+                    return true;
+                }
+                let direction: Vec<f64> = gap.iter().map(|g| g / size).collect();
+                let bits: f64 = direction.iter().zip(other).map(|(d, x)| (d * x).abs()).sum();
+                let rounding = self.corrector.rounding_of(&direction, other, &normal);
+                rounding.is_some_and(|r| size <= SAFETY * (r + f64::EPSILON * bits))
+            }))
     }
 }
 

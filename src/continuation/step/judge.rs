@@ -93,7 +93,12 @@ impl Curve<'_> {
 
     /// Angle below which tangents cannot be distinguished. Those of arms at singular points come from difference quotients.
     fn tangent_noise(&mut self) -> f64 {
-        let known = if self.here.decline.is_some() { 1e-9 } else { 1e-5 };
+        self.tangent_noise_at(self.here.decline.is_some())
+    }
+
+    /// The same next to a regular point, or at a singular one.
+    pub(in crate::continuation) fn tangent_noise_at(&mut self, regular: bool) -> f64 {
+        let known = if regular { 1e-9 } else { 1e-5 };
         let rcond = self.corrector.rcond().unwrap_or(1.0);
         known + 100.0 * f64::EPSILON / rcond.max(f64::EPSILON)
     }
@@ -115,7 +120,11 @@ impl Curve<'_> {
     pub(super) fn sharpen_tangents(&mut self) -> Result<f64, ContinuationError> {
         if self.here.decline.is_some() {
             let (x, mut t) = (self.here.x.clone(), std::mem::take(&mut self.here.t));
+            let at_fold = t.last() == Some(&0.0);
             let made = self.sharpen(&x, &mut t);
+            if at_fold && let Some(rate) = t.last_mut() {
+                *rate = 0.0;
+            }
             self.here.t = t;
             made?;
         }

@@ -51,6 +51,8 @@ impl Curve<'_> {
     }
 
     fn step(&mut self) -> Result<(), ContinuationError> {
+        // With the factors at hand.
+        self.find_heading()?;
         let mut h = self.h.min(self.options.max_step);
         let room = self.options.max_arclength - self.arclength;
         if room > 0.0 {

@@ -1,9 +1,12 @@
-//! The algorithm of Haslinger, Janovský and Ligurský: selections switch inside the corrector, steps are halved in front of a
-//! kink, vanishing test functions give the selection beyond it.
+//! The algorithm of Haslinger, Janovský and Ligurský (2012): selections switch inside the corrector, steps
+//! are halved in front of a kink, vanishing test functions give the selection beyond it. Steps are numbered
+//! as in their talk on it; what that leaves open is listed at
+//! `ContinuationOptions::haslinger_janovsky_ligursky`.
 
 use crate::continuation::engine::Curve;
 use crate::continuation::event::turn::kind;
-use crate::continuation::{ContinuationError, Event, PointKind, Termination, Transition};
+use crate::continuation::{ContinuationError, Event, PointKind, StepRule, Termination, Transition};
+use crate::newton::Correction;
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, select_pieces,
 };
@@ -15,6 +18,10 @@ const REACH: f64 = 10.0;
 /// Largest length of an accepted step ‖X − xʲ‖, relative to the step h along the tangent.
 const FARTHEST: f64 = 3.0;
 
+/// Rate of convergence of the corrections at which a step is neither too long nor too short
+/// (`StepRule::Convergence`).
+const IDEAL_RATE: f64 = 0.25;
+
 impl Curve<'_> {
     /// Steps 2 to 7: predict, correct with the selection of the active set at each iterate, halve on failure; a new selection
     /// once the smallest step fails.
@@ -22,13 +29,9 @@ impl Curve<'_> {
         let mut h = self.h.min(self.options.max_step);
         let mut halved = false;
         loop {
-            if let Some(corrections) = self.try_switching(h)? {
-                self.h = if halved {
-                    h
-                } else {
-                    (h * self.options.growth).min(self.options.max_step)
-                };
-                return self.arrive_switching(corrections);
+            if let Some(found) = self.try_switching(h)? {
+                self.h = self.next_length(h, halved, found.rate);
+                return self.arrive_switching(found.iterations);
             }
             if h <= self.options.min_step {
                 return self.new_selection();
@@ -42,7 +45,19 @@ impl Curve<'_> {
         }
     }
 
-    fn try_switching(&mut self, h: f64) -> Result<Option<usize>, ContinuationError> {
+    /// Step 7: the length of the next step after one of length h, for which the corrections converged at the
+    /// given rate.
+    fn next_length(&self, h: f64, halved: bool, rate: f64) -> f64 {
+        let options = &self.options;
+        let most = if halved { 1.0 } else { options.growth };
+        let factor = match options.step_rule {
+            StepRule::Growth => most,
+            StepRule::Convergence => (IDEAL_RATE / rate).sqrt().clamp(options.shrink, most),
+        };
+        (h * factor).max(options.min_step).min(options.max_step)
+    }
+
+    fn try_switching(&mut self, h: f64) -> Result<Option<Correction>, ContinuationError> {
         for i in 0..self.here.x.len() {
             self.next.x[i] = self.here.x[i] + h * self.here.t[i];
         }
@@ -66,7 +81,7 @@ impl Curve<'_> {
         match corrected {
             Ok(c) if c.converged && self.accepts(&selection, h) => {
                 self.next.residual_norm = c.residual_norm;
-                Ok(Some(c.iterations))
+                Ok(Some(c))
             }
             Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(None),
             Err(e) => Err(e.into()),
@@ -202,23 +217,19 @@ impl Curve<'_> {
                 to: after.piece(site),
             })
             .collect();
-        let arm = crate::continuation::Arm {
-            selection: after.clone(),
-            tangent: tangent.to_vec(),
-            grazing: Vec::new(),
-        };
-        let arms = crate::continuation::event::arms::Arms {
+        let arm = crate::continuation::Arm::along(after.clone(), tangent.to_vec(), Vec::new(), None);
+        let mut arms = crate::continuation::point::Arms {
             list: vec![arm],
             complete: false,
             ..Default::default()
         };
         // The point, and so the tangent, is known to a few smallest steps only.
-        let kind = kind(
-            &self.here.t,
-            arms.list.first(),
-            &arms,
-            REACH * self.options.min_step,
-        );
+        let sign = |t: &[f64]| match t.last() {
+            Some(rate) if rate.abs() > REACH * self.options.min_step => rate.signum() as i8,
+            _ => 0,
+        };
+        arms.list[0].direction = sign(tangent);
+        let kind = kind(sign(&self.here.t), arms.list.first(), &arms);
         let record = Transition {
             x: self.here.x.clone(),
             tangent_before: self.here.t.clone(),
@@ -230,6 +241,12 @@ impl Curve<'_> {
             vanishing: vanishing.iter().map(|v| v.index).collect(),
             kind,
             arms: arms.list,
+            arrival: crate::continuation::Arm::along(
+                before.clone(),
+                self.here.t.iter().map(|t| -t).collect(),
+                Vec::new(),
+                self.here.det_sign,
+            ),
             followed: Some(0),
             complete: false,
             det_sign: None,

@@ -60,9 +60,11 @@ impl<L: LinearSolver> MoorePenrose<L> {
             iterations: 0,
             residual_norm: norm(&self.r),
             step_norm: f64::INFINITY,
+            rate: 0.0,
         };
         // Chord steps with the present factors, and corrections before these.
         let (mut steps, mut before) = (0_usize, 0);
+        let mut taken = 0;
         let (mut chord, mut met) = (false, false);
         while met || outcome.iterations < max_iterations {
             if !chord {
@@ -92,8 +94,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
             map.residual(selection, x, &mut self.r);
             self.iterations += 1;
             steps += 1;
+            taken += 1;
             outcome.residual_norm = norm(&self.r);
-            outcome.step_norm = step;
+            outcome.compare(taken, step);
             if !met {
                 outcome.iterations = before + newton_steps(steps);
             }
@@ -192,6 +195,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             iterations: 0,
             residual_norm: f64::INFINITY,
             step_norm: f64::INFINITY,
+            rate: 0.0,
         };
         let mut chord = t.is_none() && self.last.as_ref() == Some(selection);
         let mut guess = chord.then(|| x.to_vec());
@@ -254,7 +258,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
                 }
             }
             let stalled = step >= 0.5 * outcome.step_norm;
-            outcome.step_norm = step;
+            outcome.compare(outcome.iterations, step);
             let piecewise_exact = map.is_piecewise_affine() && outcome.iterations >= 2;
             if rounding || piecewise_exact || (stalled && small) {
                 outcome.converged = true;

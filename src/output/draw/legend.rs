@@ -71,6 +71,7 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, rows: &[Vec<Entry<'_>>], width: f64,
         for entry in row {
             let sample = |colour: Colour, dashed: bool| Shape::Line {
                 points: vec![(x, y), (x + SIGN - 6.0, y)],
+                bends: Vec::new(),
                 colour,
                 width: CURVE + 0.5,
                 dashed,

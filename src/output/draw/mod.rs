@@ -3,6 +3,7 @@
 mod axis;
 mod label;
 mod legend;
+mod lines;
 mod notes;
 #[cfg(feature = "pdf")]
 mod pdf;
@@ -13,7 +14,7 @@ mod svg;
 use std::path::Path;
 
 use super::OutputError;
-use super::diagram::{BranchDiagram, Colour, Curve, Marker, Panel, SegmentStyle};
+use super::diagram::{BranchDiagram, Colour, Marker, Panel};
 use crate::sparse::replace_file;
 use axis::Axis;
 use plane::{Point, Range, clip, clip_region, drawable, inside, padded_range};
@@ -25,11 +26,6 @@ const LINE: f64 = 1.25;
 const CURVE: f64 = 2.5;
 /// Number of marks of a kind beyond which they are drawn smaller.
 const MANY: usize = 12;
-/// Length of curve per arrow, and length below which a stretch has none.
-const ARROW_EVERY: f64 = 170.0;
-const ARROW_ROOM: f64 = 34.0;
-/// Inner vertices of a stretch closer than this to the one before are left out.
-const THIN: f64 = 0.3;
 const GRID: Colour = Colour::new(225, 225, 225);
 const FRAME: Colour = Colour::new(60, 60, 60);
 
@@ -227,6 +223,7 @@ fn text(label: &str, at: Pixel, size: f64, anchor: Anchor) -> Shape {
 fn line(points: Vec<Pixel>, colour: Colour, width: f64) -> Shape {
     Shape::Line {
         points,
+        bends: Vec::new(),
         colour,
         width,
         dashed: false,
@@ -336,88 +333,15 @@ fn draw_panel(
     });
     let first = shapes.len();
     for curve in &panel.curves {
-        draw_lines(shapes, curve, &frame);
+        lines::draw(shapes, curve, &frame);
     }
     draw_marks(shapes, panel, &frame);
     let notes = notes::place(panel, &frame, &shapes[first..]);
     shapes.extend(notes);
 }
 
-fn draw_lines(shapes: &mut Vec<Shape>, curve: &Curve, frame: &Frame) {
-    let mut stretch: Vec<Pixel> = Vec::new();
-    let mut current: Option<&SegmentStyle> = None;
-    let mut finish = |stretch: &mut Vec<Pixel>, style: Option<&SegmentStyle>| {
-        if let (Some(style), true) = (style, stretch.len() > 1) {
-            shapes.push(Shape::Line {
-                points: thinned(stretch),
-                colour: style.colour,
-                width: CURVE,
-                dashed: style.dashed,
-            });
-            if curve.arrows {
-                draw_arrows(shapes, stretch, style.colour);
-            }
-        }
-        stretch.clear();
-    };
-    for (ends, style) in curve.vertices.windows(2).zip(&curve.styles) {
-        let Some((a, b)) = frame.clip(ends[0], ends[1]) else {
-            finish(&mut stretch, current);
-            continue;
-        };
-        if current != Some(style) || stretch.last() != Some(&a) {
-            finish(&mut stretch, current);
-            current = Some(style);
-            stretch.push(a);
-        }
-        if b != a {
-            stretch.push(b);
-        }
-    }
-    finish(&mut stretch, current);
-}
-
 fn distance(a: Pixel, b: Pixel) -> f64 {
     (b.0 - a.0).hypot(b.1 - a.1)
-}
-
-fn thinned(stretch: &[Pixel]) -> Vec<Pixel> {
-    let mut kept: Vec<Pixel> = Vec::with_capacity(stretch.len());
-    for (k, &p) in stretch.iter().enumerate() {
-        let near = kept.last().is_some_and(|q| distance(*q, p) <= THIN);
-        if !near || k + 1 == stretch.len() {
-            kept.push(p);
-        }
-    }
-    kept
-}
-
-/// Arrow heads in the direction of the curve, evenly spaced along the stretch.
-fn draw_arrows(shapes: &mut Vec<Shape>, stretch: &[Pixel], colour: Colour) {
-    let total: f64 = stretch.windows(2).map(|w| distance(w[0], w[1])).sum();
-    if total < ARROW_ROOM {
-        return;
-    }
-    let count = (total / ARROW_EVERY).round().max(1.0);
-    let mut travelled = 0.0;
-    let mut next = 0.5 * total / count;
-    for w in stretch.windows(2) {
-        let step = distance(w[0], w[1]);
-        let (c, s) = ((w[1].0 - w[0].0) / step, (w[1].1 - w[0].1) / step);
-        while next < travelled + step {
-            let t = next - travelled;
-            let at = (w[0].0 + t * c, w[0].1 + t * s);
-            let corner =
-                |along: f64, across: f64| (at.0 + along * c - across * s, at.1 + along * s + across * c);
-            shapes.push(Shape::Polygon {
-                corners: vec![corner(7.0, 0.0), corner(-5.0, 5.0), corner(-5.0, -5.0)],
-                fill: colour,
-                outline: None,
-            });
-            next += total / count;
-        }
-        travelled += step;
-    }
 }
 
 /// The marks of all curves by kind, so that marks of the same kind at the same place are drawn once.

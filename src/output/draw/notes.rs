@@ -2,7 +2,7 @@
 
 use super::label::width;
 use super::plane::clip;
-use super::shape::{Anchor, Pixel, Shape};
+use super::shape::{Anchor, Pixel, Shape, flat};
 use super::{Frame, SMALL, text};
 use crate::output::diagram::Panel;
 
@@ -77,7 +77,7 @@ fn crossings(shape: &Shape, room: Room) -> usize {
         .is_some()
     };
     match shape {
-        Shape::Line { points, .. } => points.windows(2).filter(|w| covers(w)).count(),
+        Shape::Line { points, bends, .. } => flat(points, bends).windows(2).filter(|w| covers(w)).count(),
         Shape::Polygon { corners, .. } => {
             usize::from((0..corners.len()).any(|k| covers(&[corners[k], corners[(k + 1) % corners.len()]])))
         }

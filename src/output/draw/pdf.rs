@@ -4,7 +4,7 @@ use pdf_writer::types::LineJoinStyle;
 use pdf_writer::{Content, Finish, Name, Pdf, Rect, Ref, Str};
 
 use super::label::{Level, length};
-use super::shape::{Anchor, BASE_LINE, DASHES, Pixel, Shape};
+use super::shape::{Anchor, BASE_LINE, Bend, DASHES, Pixel, Shape};
 use crate::output::diagram::Colour;
 
 /// A pixel of CSS in points.
@@ -105,14 +105,22 @@ impl Page {
         ((POINT * x) as f32, (POINT * (self.height - y)) as f32)
     }
 
-    fn path(&mut self, points: &[Pixel]) {
+    fn path(&mut self, points: &[Pixel], bends: &[Bend]) {
         for (k, &p) in points.iter().enumerate() {
             let (x, y) = self.place(p);
-            if k == 0 {
-                self.content.move_to(x, y);
-            } else {
-                self.content.line_to(x, y);
-            }
+            let bend = k
+                .checked_sub(1)
+                .and_then(|before| bends.get(before))
+                .copied()
+                .flatten();
+            match bend {
+                _ if k == 0 => self.content.move_to(x, y),
+                None => self.content.line_to(x, y),
+                Some(controls) => {
+                    let [a, b] = controls.map(|c| self.place(c));
+                    self.content.cubic_to(a.0, a.1, b.0, b.1, x, y)
+                }
+            };
         }
     }
 
@@ -216,6 +224,7 @@ pub(super) fn write(shapes: &[Shape], (width, height): (u32, u32)) -> Vec<u8> {
         match shape {
             Shape::Line {
                 points,
+                bends,
                 colour,
                 width,
                 dashed,
@@ -225,7 +234,7 @@ pub(super) fn write(shapes: &[Shape], (width, height): (u32, u32)) -> Vec<u8> {
                 if *dashed {
                     page.content.set_dash_pattern(dashes, 0.0);
                 }
-                page.path(points);
+                page.path(points, bends);
                 page.content.stroke();
                 if *dashed {
                     page.content.set_dash_pattern([], 0.0);
@@ -236,7 +245,7 @@ pub(super) fn write(shapes: &[Shape], (width, height): (u32, u32)) -> Vec<u8> {
                 fill,
                 outline,
             } => {
-                page.filled(*fill, *outline, |page| page.path(corners));
+                page.filled(*fill, *outline, |page| page.path(corners, &[]));
             }
             Shape::Circle {
                 centre,

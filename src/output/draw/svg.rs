@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::label::{Level, runs};
-use super::shape::{Anchor, BASE_LINE, DASHES, Pixel, Shape};
+use super::shape::{Anchor, BASE_LINE, Bend, DASHES, Pixel, Shape};
 use crate::output::diagram::Colour;
 
 /// A number with at most two decimals.
@@ -34,15 +34,44 @@ fn outline(out: &mut String, outline: Option<(Colour, f64)>) {
     }
 }
 
+fn pixel(out: &mut String, (x, y): Pixel) {
+    number(out, x);
+    out.push(',');
+    number(out, y);
+}
+
 fn points(out: &mut String, points: &[Pixel]) {
     out.push_str(" points=\"");
-    for (k, (x, y)) in points.iter().enumerate() {
+    for (k, &p) in points.iter().enumerate() {
         if k > 0 {
             out.push(' ');
         }
-        number(out, *x);
-        out.push(',');
-        number(out, *y);
+        pixel(out, p);
+    }
+    out.push('"');
+}
+
+/// The commands of a path of lines and cubics.
+fn path(out: &mut String, points: &[Pixel], bends: &[Bend]) {
+    out.push_str(" d=\"");
+    for (k, &p) in points.iter().enumerate() {
+        let bend = k
+            .checked_sub(1)
+            .and_then(|before| bends.get(before))
+            .copied()
+            .flatten();
+        match bend {
+            _ if k == 0 => out.push('M'),
+            None => out.push('L'),
+            Some(controls) => {
+                out.push('C');
+                for control in controls {
+                    pixel(out, control);
+                    out.push(' ');
+                }
+            }
+        }
+        pixel(out, p);
     }
     out.push('"');
 }
@@ -99,17 +128,24 @@ pub(super) fn write(shapes: &[Shape], (width, height): (u32, u32), title: &str) 
         match shape {
             Shape::Line {
                 points: line,
+                bends,
                 colour,
                 width,
                 dashed,
             } => {
-                out.push_str("<polyline fill=\"none\" stroke-linejoin=\"round\"");
+                let bent = bends.iter().any(Option::is_some);
+                out.push_str(if bent { "<path" } else { "<polyline" });
+                out.push_str(" fill=\"none\" stroke-linejoin=\"round\"");
                 paint(&mut out, "stroke", *colour);
                 attribute(&mut out, "stroke-width", *width);
                 if *dashed {
                     let _ = write!(out, " stroke-dasharray=\"{} {}\"", DASHES.0, DASHES.1);
                 }
-                points(&mut out, line);
+                if bent {
+                    path(&mut out, line, bends);
+                } else {
+                    points(&mut out, line);
+                }
                 out.push_str("/>\n");
             }
             Shape::Polygon {

@@ -58,7 +58,4 @@ impl Real for Dual64 {
         let slope = if p == 0.0 { 0.0 } else { p * self.re.powf(p - 1.0) };
         chain(self, Real::powf(self.re, p), slope)
     }
-    fn slope(&self) -> f64 {
-        self.eps
-    }
 }

@@ -19,6 +19,26 @@ impl<F: NonsmoothFunction> Traced<F> {
         kinks.eq(self.kinds.iter().map(|k| k.tests())).then_some(found)
     }
 
+    /// Whether the formulas of each [`switch`](Kinks::switch) of an affine map are the same where its test
+    /// vanishes: their difference is a multiple of the test. A curve would jump there unnoticed if they were
+    /// not. `false` also where this cannot be decided in exact arithmetic.
+    pub(super) fn is_continuous_at_switches(&self) -> bool {
+        if !self.kinds.contains(&Kind::Switch) {
+            return true;
+        }
+        let minus = -&Exact::one();
+        let agree = |added: &Added| match added {
+            Added::Kink { tests, pieces } => match (&tests[..], &pieces[..]) {
+                ([test], [first, second]) => first.plus(&minus, second).is_multiple_of(test),
+                // The bounds of a projection meet what they bound where the tests vanish.
+                _ => true,
+            },
+            Added::Quotient(_) => true,
+        };
+        self.abs_normal(None)
+            .is_some_and(|found| found.added.iter().all(agree))
+    }
+
     /// Whether the last variable is a parameter.
     fn has_parameter(&self) -> bool {
         self.num_vars() != self.num_residuals()

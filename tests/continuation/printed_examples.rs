@@ -1,4 +1,5 @@
-//! The seed's examples against exact rational arithmetic: every branch, from both ends, for step bounds over four decades.
+//! The examples of Haslinger, Janovský and Ligurský (2012) against exact rational arithmetic: every branch,
+//! from both ends, for step bounds over four decades.
 
 use crate::common;
 use crate::common::{Case, Link, Vertex, cases};
@@ -8,7 +9,8 @@ use semismooth::interface::View;
 
 const WINDOW: (f64, f64) = (-12.0, 25.0);
 
-/// A parameter inside the first piece of a chain, and the direction towards the end at which the chain leaves it.
+/// A parameter inside the first piece of a chain, and the direction towards the end at which the chain leaves
+/// it.
 fn start_of(chain: &[Link], vertices: &[Vertex]) -> (f64, Direction) {
     let first = &chain[0];
     let (lo, hi) = first.interval;

@@ -10,7 +10,7 @@ use crate::sparse::norm;
 /// Distance along the curve, relative to 1 + ‖x‖, beyond which zeros do not coincide.
 const WIDE: f64 = 1e-6;
 /// Bound of rounding errors, in multiples of their estimate.
-const SAFETY: f64 = 16.0;
+pub(in crate::continuation) const SAFETY: f64 = 16.0;
 
 impl Curve<'_> {
     /// The test functions that vanish at a transition located on `index`, by position.
@@ -109,7 +109,7 @@ impl Curve<'_> {
         near
     }
 
-    pub(super) fn rounding_here(&mut self) -> Result<Rounding, ContinuationError> {
+    pub(in crate::continuation) fn rounding_here(&mut self) -> Result<Rounding, ContinuationError> {
         // The point was computed from the one before, and has its rounding errors where it is itself near zero.
         let pairs = self.here.x.iter().zip(&self.next.x);
         let sizes: Vec<f64> = pairs.map(|(a, b)| a.abs().max(b.abs())).collect();
@@ -127,13 +127,13 @@ impl Curve<'_> {
 }
 
 /// Bounds of the rounding errors of test functions at a located point.
-pub(super) enum Rounding {
+pub(in crate::continuation) enum Rounding {
     Measured { moves: [Vec<f64>; 2], sizes: Vec<f64> },
     Distance(f64),
 }
 
 impl Rounding {
-    pub(super) fn of(&self, v: &Vanishing) -> f64 {
+    pub(in crate::continuation) fn of(&self, v: &Vanishing) -> f64 {
         match self {
             Self::Distance(distance) => distance * v.gradient_norm,
             Self::Measured { moves, sizes } => {

@@ -12,7 +12,7 @@ const ROUNDING: f64 = 1e-13;
 
 /// Lengths of vectors depend on the units of the variables: what is small in badly scaled units need not be small. Rates and values of test
 /// functions that count as zero have to be small in the units of ∇H^(σ), too, in which the entries of its columns are of one size.
-pub(super) struct Units<'a, P: ?Sized> {
+pub(in crate::continuation) struct Units<'a, P: ?Sized> {
     map: &'a P,
     selection: &'a Selection,
     x: &'a [f64],
@@ -23,7 +23,7 @@ pub(super) struct Units<'a, P: ?Sized> {
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
-    pub(super) fn new(map: &'a P, selection: &'a Selection, x: &'a [f64]) -> Self {
+    pub(in crate::continuation) fn new(map: &'a P, selection: &'a Selection, x: &'a [f64]) -> Self {
         Self {
             map,
             selection,
@@ -34,7 +34,13 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
     }
 
     /// The largest rate along a unit vector that counts as zero; `size` is the norm of the gradient of the test function.
-    pub(super) fn least_rate(&mut self, v: &Vanishing, rate: f64, size: f64, t: &[f64]) -> f64 {
+    pub(in crate::continuation) fn least_rate(
+        &mut self,
+        v: &Vanishing,
+        rate: f64,
+        size: f64,
+        t: &[f64],
+    ) -> f64 {
         let bound = TANGENTIAL * size;
         if rate == 0.0 || rate.abs() > bound || rate.is_nan() {
             return bound;
@@ -43,8 +49,31 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         bound.min(TANGENTIAL * gradient * self.length(t))
     }
 
+    /// The sign of α̇ along a unit vector; 0 where it is rounding, in these units, too.
+    pub(in crate::continuation) fn direction(&mut self, t: &[f64]) -> i8 {
+        let Some(&rate) = t.last() else { return 0 };
+        let small = rate.abs() <= TANGENTIAL;
+        if small && self.units.is_empty() {
+            self.find();
+        }
+        let unit = self.units.last().copied().unwrap_or(1.0);
+        if rate == 0.0 || (small && rate.abs() / unit <= TANGENTIAL * self.length(t)) {
+            0
+        } else {
+            rate.signum() as i8
+        }
+    }
+
+    /// The length of a unit vector whose length in these units is one.
+    pub(in crate::continuation) fn unit_along(&mut self, t: &[f64]) -> f64 {
+        if self.units.is_empty() {
+            self.find();
+        }
+        self.length(t).recip()
+    }
+
     /// Whether a value θ is within `distance` of the facet, relative to 1, in the unit of the parameter, and to the length of x.
-    pub(super) fn is_near(&mut self, v: &Vanishing, theta: f64, distance: f64) -> bool {
+    pub(in crate::continuation) fn is_near(&mut self, v: &Vanishing, theta: f64, distance: f64) -> bool {
         if theta == 0.0 {
             return true;
         }
@@ -53,21 +82,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         theta.abs() <= distance * (one + self.length(self.x)) * gradient
     }
 
-    /// Whether two unit vectors, which are nearly the same, have no larger `angle` in these units, up to rounding of their entries.
-    pub(super) fn are_near(&mut self, a: &[f64], b: &[f64], angle: f64) -> bool {
-        if a == b {
-            return true;
-        }
-        if self.units.is_empty() {
-            self.find();
-        }
-        let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-        let rounding = ROUNDING * self.units.iter().fold(0.0_f64, |sum, d| sum.hypot(d.recip()));
-        self.length(&difference) <= angle * self.length(a) + rounding
-    }
-
     /// The units as divisors of the unknowns, powers of two.
-    pub(super) fn divisors(mut self) -> Vec<f64> {
+    pub(in crate::continuation) fn divisors(mut self) -> Vec<f64> {
         self.find();
         let mut units = self.units;
         (units.iter_mut()).for_each(|unit| *unit = unit.log2().round().exp2());

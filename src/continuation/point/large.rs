@@ -1,8 +1,8 @@
 //! Singular points of a selection: whether ∇H^(σ) is singular there, and which curves pass through them.
 
-use super::arms::{ArmSearch, RANK};
-use super::branch_point::BranchSystem;
+use super::search::{ArmSearch, RANK};
 use super::units::Units;
+use crate::continuation::event::branch_point::BranchSystem;
 use crate::linear::{LinearSolver, null_space};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection};
 use crate::sparse::{Matrix, dot, max_abs, norm};
@@ -11,32 +11,8 @@ use crate::spread::centred;
 /// Largest number of residuals whose kernels are found by singular values; beyond, next to simple branch points only.
 pub(super) const MAX_BRANCHING: usize = 600;
 
-/// A kernel of ∇H^(σ) of two dimensions or more, in which the first derivatives do not determine the arms.
-#[derive(Debug, Clone)]
-pub(in crate::continuation) struct UndecidedKernel {
-    pub(in crate::continuation) dimension: usize,
-    /// The variables that take part in it, those with the largest components first.
-    pub(in crate::continuation) variables: Vec<usize>,
-}
-
-impl UndecidedKernel {
-    /// The kernel of an orthonormal basis, if that has two vectors or more.
-    pub(super) fn of(basis: &[Vec<f64>]) -> Option<Self> {
-        const NAMED: f64 = 1e-6;
-        let (first, rest) = basis.split_first().filter(|b| !b.1.is_empty())?;
-        let part = |j: usize| rest.iter().fold(first[j].powi(2), |sum, v| sum + v[j].powi(2));
-        let parts: Vec<f64> = (0..first.len()).map(part).collect();
-        let mut variables: Vec<usize> = (0..parts.len()).filter(|&j| parts[j] > NAMED * NAMED).collect();
-        variables.sort_by(|&a, &b| parts[b].total_cmp(&parts[a]));
-        Some(Self {
-            dimension: basis.len(),
-            variables,
-        })
-    }
-}
-
-/// Directions of curves through a point, or why they are undecided.
-pub(super) type Directions = Result<Vec<Vec<f64>>, Option<UndecidedKernel>>;
+/// Directions of curves through a point or, where they are undecided, a basis of the kernel, if that is known.
+pub(super) type Directions = Result<Vec<Vec<f64>>, Vec<Vec<f64>>>;
 
 impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
     /// Whether ∇H^(σ) is singular within rounding of x, both in the units of the unknowns and equilibrated: bad scaling alone makes the
@@ -45,22 +21,30 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         &mut self,
         selection: &Selection,
     ) -> Result<bool, PiecewiseError> {
-        if !self.is_singular_at(self.map, self.x, selection)? {
+        self.is_nearly_singular(selection, RANK)
+    }
+
+    /// [`is_singular`](Self::is_singular) up to a relative singular value.
+    pub(in crate::continuation) fn is_nearly_singular(
+        &mut self,
+        selection: &Selection,
+        bound: f64,
+    ) -> Result<bool, PiecewiseError> {
+        if self.least_value_at(self.map, self.x, selection)? > bound {
             return Ok(false);
         }
         let (map, z) = self.in_own_units(selection)?;
-        Ok(map.divisors().is_empty() || self.is_singular_at(&map, &z, selection)?)
+        Ok(map.divisors().is_empty() || self.least_value_at(&map, &z, selection)? <= bound)
     }
 
-    fn is_singular_at<M: PiecewiseSmooth + ?Sized>(
+    fn least_value_at<M: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &M,
         x: &[f64],
         selection: &Selection,
-    ) -> Result<bool, PiecewiseError> {
+    ) -> Result<f64, PiecewiseError> {
         let sizes = self.row_sizes(map, x, selection)?;
-        let least = self.corrector.least_singular_value(map, selection, x, &sizes)?;
-        Ok(least <= RANK)
+        self.corrector.least_singular_value(map, selection, x, &sizes)
     }
 
     /// The map in the units of ∇H^(σ), and x in these units.
@@ -115,7 +99,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         }
         self.decomposed = true;
         let found = self.directions_at(self.map, self.x, selection)?;
-        let Err(Some(kernel)) = &found else {
+        let Err(kernel) = &found else {
             return Ok(found);
         };
         let (map, z) = self.in_own_units(selection)?;
@@ -127,7 +111,10 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
                 directions.iter_mut().for_each(|d| map.unscale_direction(d));
                 Ok(Ok(directions))
             }
-            Err(Some(own)) if own.dimension < kernel.dimension => Ok(Err(Some(own))),
+            Err(mut own) if own.len() < kernel.len() => {
+                own.iter_mut().for_each(|d| map.unscale_direction(d));
+                Ok(Err(own))
+            }
             Err(_) => Ok(found),
         }
     }
@@ -142,7 +129,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         let kernels = BranchSystem::new(self.map, selection, &from, self.x).kernels(self.x)?;
         self.corrector.assemble(self.map, selection, self.x)?;
         let Some(k) = kernels else {
-            return Ok(Err(None));
+            return Ok(Err(Vec::new()));
         };
         let scale = max_abs(self.corrector.jacobian().values());
         Ok(self.branching_equation(self.map, self.x, selection, (k.right.as_slice(), &k.left), scale))
@@ -167,7 +154,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         Ok(match (kernel.right.as_slice(), kernel.left.as_slice()) {
             ([tangent], []) => Ok(vec![tangent.clone()]),
             (right @ [_, _], [psi]) => self.branching_equation(map, x, selection, (right, psi), 1.0),
-            (right, _) => Err(UndecidedKernel::of(right)),
+            (right, _) => Err(right.to_vec()),
         })
     }
 
@@ -182,7 +169,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         scale: f64,
     ) -> Directions {
         let [n1, n2] = right else {
-            return Err(UndecidedKernel::of(right));
+            return Err(right.to_vec());
         };
         let mut shifted = self.corrector.jacobian().clone();
         let mut second = |a: &[f64], b: &[f64]| second_derivative(map, selection, x, a, b, psi, &mut shifted);
@@ -190,7 +177,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         let size = b11.abs().max(b12.abs()).max(b22.abs());
         let discriminant = b12 * b12 - b11 * b22;
         if size <= 1e-7 * scale.max(f64::MIN_POSITIVE) || discriminant.abs() <= 1e-7 * size * size {
-            return Err(UndecidedKernel::of(right));
+            return Err(right.to_vec());
         }
         if discriminant < 0.0 {
             return Ok(Vec::new());

@@ -1,12 +1,14 @@
-//! The seed's own algorithm with the seed's settings reproduces the seed's printed runs and meets every transition of its examples.
+//! The algorithm of Haslinger, Janovský and Ligurský (2012) with their settings reproduces their printed runs
+//! and meets every transition of their examples.
 
 use TransitionKind::{Fold, PassThrough, VerticalBegin, VerticalEnd};
 use semismooth::contact::{
     ContactState, FrictionCoefficient, FullContact, HildRenard, LoadPath, PlanarCoulomb,
 };
 use semismooth::continuation::{
-    Branch, Continuation, ContinuationOptions, Direction, Event, Termination, TransitionKind,
+    Branch, Continuation, ContinuationOptions, Direction, Event, StepRule, Termination, TransitionKind,
 };
+use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
 use semismooth::sparse::Matrix;
 
 /// Printed digits are truncated, not rounded.
@@ -21,7 +23,7 @@ fn printed_run_of_example_1() {
     // The run was printed with r = 1.
     let problem = problem.with_r(1.0).unwrap();
     let start = problem.solve_from_states(10.0, &[ContactState::Stick]).unwrap();
-    let options = ContinuationOptions::seed().with_parameter_range((0.5, 12.0));
+    let options = ContinuationOptions::haslinger_janovsky_ligursky().with_parameter_range((0.5, 12.0));
     let curve = Continuation::new(&problem, &start, Direction::Decreasing, options).unwrap();
     let (mut before, mut after) = (Vec::new(), Vec::new());
     let mut transitions = 0;
@@ -53,7 +55,7 @@ fn printed_run_of_example_1() {
     }
 }
 
-/// The two-node model of the seed with λ = μ = 1, loads (f_ν1, f_t1, f_ν2, f_t2) and r = 1.
+/// Their model with two contact nodes, λ = μ = 1, loads (f_ν1, f_t1, f_ν2, f_t2) and r = 1.
 fn two_nodes(loads: [[f64; 4]; 2], friction: [f64; 2]) -> FullContact<PlanarCoulomb> {
     let a = [
         [0.5, 0.0, -0.5, -0.5],
@@ -74,8 +76,8 @@ fn two_nodes(loads: [[f64; 4]; 2], friction: [f64; 2]) -> FullContact<PlanarCoul
     .unwrap()
 }
 
-/// Follows the branch of `states` from 100 values of α from `first` on; each run must meet the transitions of exact arithmetic and no
-/// others, and end at the bound of the window.
+/// Follows the branch of `states` from 100 values of α from `first` on; each run must meet the transitions of
+/// exact arithmetic and no others, and end at the bound of the window.
 fn follow_from_everywhere(
     problem: &FullContact<PlanarCoulomb>,
     states: &[ContactState],
@@ -83,7 +85,7 @@ fn follow_from_everywhere(
     window: (f64, f64),
     expected: &[(f64, TransitionKind)],
 ) {
-    let options = ContinuationOptions::seed().with_parameter_range(window);
+    let options = ContinuationOptions::haslinger_janovsky_ligursky().with_parameter_range(window);
     for k in 0..100 {
         let alpha = first + 0.1 * f64::from(k);
         let start = problem.solve_from_states(alpha, states).unwrap();
@@ -151,13 +153,14 @@ fn two_node_branches_are_followed_from_any_start() {
     follow_from_everywhere(&second, &[Open, Stick], 4.5, (-6.0, 20.0), &expected);
 }
 
-/// The vertical segment of p = 1, Example 3: the talk prints its indices 9 and 14, one more than the steps since the kink.
+/// The vertical segment of p = 1, Example 3: the talk prints its indices 9 and 14, one more than the steps
+/// since the kink.
 #[test]
 fn printed_run_of_example_3() {
     let problem = HildRenard::new(1.0, -2.0, 1.0, 1.0).unwrap().problem().unwrap();
     let problem = problem.with_r(1.0).unwrap();
     let start = problem.solve_from_states(10.0, &[ContactState::Stick]).unwrap();
-    let options = ContinuationOptions::seed().with_parameter_range((0.5, 12.0));
+    let options = ContinuationOptions::haslinger_janovsky_ligursky().with_parameter_range((0.5, 12.0));
     let branch = Branch::follow(&problem, &start, Direction::Decreasing, options).unwrap();
     let kink = branch.transitions[0].arclength;
     let after: Vec<_> = branch.points.iter().filter(|p| p.arclength > kink).collect();
@@ -167,4 +170,79 @@ fn printed_run_of_example_3() {
             assert!((truncated(*t) - e).abs() < 2e-4, "{theta:?} {expected:?}");
         }
     }
+}
+
+/// y² + α² = 1
+struct Circle;
+
+impl NonsmoothFunction for Circle {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn eval<T: Real>(&self, x: &[T], _: &mut Kinks<'_, T>, out: &mut [T]) {
+        out[0] = x[0] * x[0] + x[1] * x[1] - 1.0;
+    }
+}
+
+/// The Moore–Penrose corrections of the point (1, h) towards the circle: the rate of the first two, and the
+/// angle at which they end.
+fn corrections_on_the_circle(h: f64) -> (f64, f64) {
+    let (mut x, mut t) = ([1.0, h], [0.0, 1.0]);
+    let mut steps = Vec::new();
+    for _ in 0..8 {
+        let value = x[0] * x[0] + x[1] * x[1] - 1.0;
+        let det = 2.0 * (x[0] * t[1] - x[1] * t[0]);
+        let d = [value * t[1] / det, -value * t[0] / det];
+        let size = f64::hypot(x[0], x[1]);
+        t = [-x[1] / size, x[0] / size];
+        x = [x[0] - d[0], x[1] - d[1]];
+        steps.push(d[0].hypot(d[1]));
+    }
+    (steps[1] / steps[0], x[1].atan2(x[0]))
+}
+
+/// On a circle all steps of one length converge at one rate: by `StepRule::Convergence` they tend to the
+/// length at which it is ¼, and by `StepRule::Growth` they grow until corrections fail.
+#[test]
+fn steps_adapt_to_the_rate_of_convergence() {
+    let chords = |rule, min_cos| {
+        let options = ContinuationOptions::haslinger_janovsky_ligursky()
+            .with_step_rule(rule)
+            .with_min_cos(min_cos)
+            .with_max_step(10.0)
+            .with_max_arclength(60.0);
+        let branch =
+            Branch::follow(&Traced::new(Circle), &[1.0, 0.0], Direction::Increasing, options).unwrap();
+        assert_eq!(branch.termination, Termination::MaxArclength);
+        let chord =
+            |w: &[semismooth::continuation::Point]| (w[0].x[0] - w[1].x[0]).hypot(w[0].x[1] - w[1].x[1]);
+        branch.points.windows(2).map(chord).collect::<Vec<f64>>()
+    };
+    let (mut low, mut high) = (0.5, 2.0);
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        match corrections_on_the_circle(middle).0 < 0.25 {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    let ideal = 2.0 * (0.5 * corrections_on_the_circle(low).1).sin();
+    let found = chords(StepRule::Convergence, 0.1);
+    for chord in &found[found.len() - 10..found.len() - 1] {
+        assert!((chord - ideal).abs() < 1e-4, "{chord} {ideal}");
+    }
+    // Both grow by the same factor where corrections are fast.
+    let grown = chords(StepRule::Growth, 0.1);
+    assert!((grown[5] - found[5]).abs() < 1e-12, "{grown:?} {found:?}");
+    assert!(grown.iter().any(|chord| *chord > 1.1 * ideal));
+    // Where the angle between tangents allows less, steps are as long as it allows.
+    let narrow = chords(StepRule::Convergence, 0.97);
+    assert!(
+        narrow
+            .iter()
+            .all(|chord| *chord <= 2.0 * (0.5 * 0.97_f64.acos()).sin() + 1e-6)
+    );
 }

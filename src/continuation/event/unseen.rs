@@ -1,0 +1,299 @@
+//! What a step may have passed twice, so that both of its ends are on the same side: the least value of a monitor between them decides.
+
+use super::watch::{Monitor, Unresolved};
+use crate::continuation::ContinuationError;
+use crate::continuation::engine::{Curve, State};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
+use crate::sparse::norm;
+
+/// Share of the step over which differences are taken.
+const DIFFERENCE: f64 = 1.0 / 1024.0;
+/// Largest number of points computed to find a least value.
+const LIMIT: usize = 40;
+
+/// A monitor and its rate along the curve at a distance along the tangent at `here`.
+#[derive(Clone, Copy)]
+struct Sample {
+    s: f64,
+    value: f64,
+    rate: f64,
+}
+
+impl Curve<'_> {
+    /// Ends the step where α̇, a test function or a monitor function has the other sign than at both ends. `Ok(false)` where there is no
+    /// such place.
+    pub(super) fn cut_unseen(&mut self) -> Result<Result<bool, Unresolved>, ContinuationError> {
+        if self.map.is_piecewise_affine() {
+            return Ok(Ok(false));
+        }
+        let mut all = self.falling_facets();
+        self.falling_rate(&mut all)?;
+        self.falling_monitors(&mut all);
+        let mut cut = false;
+        for (monitor, ends) in all {
+            // Only up to the place found for another one.
+            if ends[1].s > self.next.s {
+                return Ok(Ok(true));
+            }
+            match self.least(monitor, ends)? {
+                Err(unresolved) => return Ok(Err(unresolved)),
+                Ok(None) => {}
+                Ok(Some(mut state)) => {
+                    self.complete_state(&mut state)?;
+                    self.next = state;
+                    self.find_headings()?;
+                    cut = true;
+                }
+            }
+        }
+        Ok(Ok(cut))
+    }
+
+    /// A point between two samples at which the monitor is negative, if there is one. The monitor is taken to be convex in between: where its
+    /// tangents meet above zero there is none.
+    fn least(
+        &mut self,
+        monitor: Monitor,
+        [mut a, mut b]: [Sample; 2],
+    ) -> Result<Result<Option<State>, Unresolved>, ContinuationError> {
+        let high = self.next.clone();
+        let mut state = high.clone();
+        let width = self.width(&high.x, high.s);
+        for _ in 0..LIMIT {
+            let length = b.s - a.s;
+            if !may_fall_below_zero(&a, &b) || length <= width {
+                return Ok(Ok(None));
+            }
+            let place = dip([a.value, b.value], [a.rate * length, b.rate * length]);
+            let s = a.s + length * place.map_or(0.5, |p| p.0);
+            let s = if s > a.s && s < b.s { s } else { a.s + 0.5 * length };
+            if !self.state_at(s, &high, &mut state)? {
+                return Ok(Err(Unresolved::Event));
+            }
+            let Some(sample) = self.sample(monitor, &state, s)? else {
+                return Ok(Ok(None));
+            };
+            if sample.value < 0.0 {
+                return Ok(Ok(Some(state)));
+            }
+            // Brackets that shrink from one side only are halved.
+            let before = length;
+            if sample.rate < 0.0 {
+                a = sample
+            } else {
+                b = sample
+            }
+            if b.s - a.s > 0.5 * before {
+                let middle = 0.5 * (a.s + b.s);
+                if !self.state_at(middle, &high, &mut state)? {
+                    return Ok(Err(Unresolved::Event));
+                }
+                match self.sample(monitor, &state, middle)? {
+                    Some(sample) if sample.value < 0.0 => return Ok(Ok(Some(state))),
+                    Some(sample) if sample.rate < 0.0 => a = sample,
+                    Some(sample) => b = sample,
+                    None => return Ok(Ok(None)),
+                }
+            }
+        }
+        Ok(Ok(None))
+    }
+
+    fn sample(
+        &mut self,
+        monitor: Monitor,
+        state: &State,
+        s: f64,
+    ) -> Result<Option<Sample>, ContinuationError> {
+        let speed = self.speed(state);
+        let (value, rate) = match monitor {
+            Monitor::Facet { index, facet } => {
+                let mut rates = vec![0.0; self.layout.total()];
+                self.map
+                    .tests_of_selection(&self.selection, &state.x, Some(&state.t), &mut rates);
+                (facet.sign() * state.theta[index], facet.sign() * rates[index])
+            }
+            Monitor::User(k) => {
+                let d = DIFFERENCE * self.next.s;
+                let [back, ahead] = [-d, d].map(|d| self.side_beside(k, &state.x, &state.t, d));
+                (self.side_of(k, &state.x), (ahead - back) / (2.0 * d))
+            }
+            _ => {
+                let sign = f64::from(self.here.heading.unwrap_or(0));
+                let Some(second) = self.acceleration(state)? else {
+                    return Ok(None);
+                };
+                (sign * state.t.last().copied().unwrap_or(0.0), sign * second)
+            }
+        };
+        let rate = rate / speed;
+        Ok((value.is_finite() && rate.is_finite()).then_some(Sample { s, value, rate }))
+    }
+
+    /// Progress along the tangent at `here` per length of the curve at a state.
+    fn speed(&self, state: &State) -> f64 {
+        let cos: f64 = self.here.t.iter().zip(&state.t).map(|(a, b)| a * b).sum();
+        cos.max(0.1)
+    }
+
+    /// α̈ at a state, by a difference of ∇H; `None` next to a singular point.
+    fn acceleration(&mut self, state: &State) -> Result<Option<f64>, ContinuationError> {
+        let distance = DIFFERENCE * self.next.s;
+        let (x, t) = (&state.x, &state.t);
+        match (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t)) {
+            Ok(_) => {}
+            Err(PiecewiseError::Linear(_)) => return Ok(None),
+            Err(e) => return Err(e.into()),
+        }
+        Ok((self.corrector).turn_of_entry(&self.map, &self.selection, (x, t), x.len() - 1, distance)?)
+    }
+
+    /// α̇ if it is slower inside the step than at its ends, as far as the interpolant of α tells.
+    fn falling_rate(&mut self, all: &mut Vec<(Monitor, [Sample; 2])>) -> Result<(), ContinuationError> {
+        let heading = self.here.heading.unwrap_or(0);
+        // Across a singular point the curve may be another one.
+        let regular = self.here.orientation.is_some() && self.here.orientation == self.next.orientation;
+        if heading == 0 || self.next.heading != Some(heading) || !regular {
+            return Ok(());
+        }
+        let (sign, last) = (f64::from(heading), self.here.x.len() - 1);
+        let step = self.next.s;
+        let [d0, d1] = [self.here.t[last], self.next.t[last] / self.stretch()].map(|d| (sign * d).max(0.0));
+        let mean = sign * (self.next.x[last] - self.here.x[last]) / step;
+        // The middle coefficient of Bernstein of the interpolant; the curve may be slower by as much again.
+        let middle = 3.0 * mean - d0 - d1;
+        if 2.0 * middle > d0.max(d1) {
+            return Ok(());
+        }
+        let ends = [self.here.clone(), self.next.clone()];
+        let mut samples = Vec::new();
+        for state in &ends {
+            let s = if samples.is_empty() { 0.0 } else { step };
+            samples.extend(self.sample(Monitor::Fold, state, s)?);
+        }
+        if let [mut a, mut b] = samples[..] {
+            (a.value, b.value) = (a.value.max(0.0), b.value.max(0.0));
+            if may_fall_below_zero(&a, &b) {
+                all.push((Monitor::Fold, [a, b]));
+            }
+        }
+        Ok(())
+    }
+
+    /// Facets of the cell which both ends are inside, and which the curve approaches and leaves in between.
+    fn falling_facets(&self) -> Vec<(Monitor, [Sample; 2])> {
+        let total = self.layout.total();
+        let d0 = self.departing_rates();
+        let mut d1 = vec![0.0; total];
+        self.map
+            .tests_of_selection(&self.selection, &self.next.x, Some(&self.next.t), &mut d1);
+        let step = self.next.s.max(f64::MIN_POSITIVE);
+        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+        let stretch = self.stretch();
+        let mut all = Vec::new();
+        for site in 0..self.layout.num_sites() {
+            let start = self.layout.range(site).start;
+            for &facet in self.map.cell(site, self.selection.piece(site)) {
+                let k = start + facet.test();
+                if self.grazing.iter().any(|v| v.index == k) {
+                    continue;
+                }
+                let sample = |s: f64, theta: &[f64], rate: f64| Sample {
+                    s,
+                    value: facet.sign() * theta[k],
+                    rate: facet.sign() * rate,
+                };
+                let ends = [
+                    sample(0.0, &self.here.theta, d0[k]),
+                    sample(step, &self.next.theta, d1[k] / stretch),
+                ];
+                // A step may begin on the facet, to rounding.
+                let inside = ends[0].value >= reach * ends[0].rate && ends[1].value > 0.0;
+                if inside && may_fall_below_zero(&ends[0], &ends[1]) {
+                    all.push((Monitor::Facet { index: k, facet }, ends));
+                }
+            }
+        }
+        all
+    }
+
+    /// Monitor functions that approach zero from both ends.
+    fn falling_monitors(&mut self, all: &mut Vec<(Monitor, [Sample; 2])>) {
+        let (here, next) = (&self.here, &self.next);
+        for k in 0..self.watches.len() {
+            let sample = |state: &State, s: f64, speed: f64| {
+                let d = if s == 0.0 { DIFFERENCE } else { -DIFFERENCE } * next.s;
+                let at = |d: f64| self.side_beside(k, &state.x, &state.t, d);
+                let value = at(0.0);
+                // Of second order, towards the inside.
+                let rate = (4.0 * at(d) - 3.0 * value - at(2.0 * d)) / (2.0 * d * speed);
+                Sample { s, value, rate }
+            };
+            let ends = [sample(here, 0.0, 1.0), sample(next, next.s, self.stretch())];
+            let inside = ends[0].value > 0.0 && ends[1].value > 0.0;
+            if inside && may_fall_below_zero(&ends[0], &ends[1]) {
+                all.push((Monitor::User(k), ends));
+            }
+        }
+    }
+}
+
+/// Whether a convex function with these values and rates may be negative in between: its tangents meet below zero.
+fn may_fall_below_zero(a: &Sample, b: &Sample) -> bool {
+    if !(a.rate < 0.0 && b.rate > 0.0) {
+        return false;
+    }
+    let length = b.s - a.s;
+    let place = (b.value - a.value - b.rate * length) / (a.rate - b.rate);
+    a.value + a.rate * place.clamp(0.0, length) < 0.0
+}
+
+/// Place and value of the minimum on [0, 1] of the cubic with the given values and slopes at the ends, if both decrease towards the interior.
+pub(super) fn dip(g: [f64; 2], d: [f64; 2]) -> Option<(f64, f64)> {
+    if !(d[0] < 0.0 && d[1] > 0.0) {
+        return None;
+    }
+    let a = 2.0 * g[0] - 2.0 * g[1] + d[0] + d[1];
+    let b = -3.0 * g[0] + 3.0 * g[1] - 2.0 * d[0] - d[1];
+    let value = |u: f64| ((a * u + b) * u + d[0]) * u + g[0];
+    let (qa, qb, qc) = (3.0 * a, 2.0 * b, d[0]);
+    let root = (qb * qb - 4.0 * qa * qc).max(0.0).sqrt();
+    let q = -0.5 * (qb + if qb < 0.0 { -root } else { root });
+    let candidates = [q / qa, qc / q];
+    candidates
+        .into_iter()
+        .filter(|u| *u > 0.0 && *u < 1.0)
+        .map(|u| (u, value(u)))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The cubic in the form of Bernstein on a grid; the parabola (1 − 2u)², whose least value is at a root of a linear equation.
+    #[test]
+    fn cubics_have_their_least_values() {
+        for k in 0..200 {
+            let [a, b, c, d] = [1, 2, 3, 5].map(|m: u32| (f64::from(k * m) * f64::from(m).sqrt()).fract());
+            let (g, slope) = ([a, b], [-0.1 - 9.0 * c, 0.1 + 9.0 * d]);
+            let control = [g[0], g[0] + slope[0] / 3.0, g[1] - slope[1] / 3.0, g[1]];
+            let value = |u: f64| {
+                let v = 1.0 - u;
+                control[0] * v.powi(3)
+                    + 3.0 * u * v * (control[1] * v + control[2] * u)
+                    + control[3] * u.powi(3)
+            };
+            let least = (1..2000)
+                .map(|i| value(f64::from(i) / 2000.0))
+                .fold(f64::INFINITY, f64::min);
+            let found = dip(g, slope).unwrap().1;
+            assert!(
+                found <= least + 1e-14 && found > least - 1e-5,
+                "{k}: {found} {least}"
+            );
+        }
+        assert_eq!(dip([1.0, 1.0], [-4.0, 4.0]), Some((0.5, 0.0)));
+        assert!(dip([1.0, 1.0], [4.0, 4.0]).is_none() && dip([1.0, 1.0], [-4.0, -4.0]).is_none());
+    }
+}

@@ -1,0 +1,411 @@
+//! The smooth extension of one selection near a point: its Jacobian in balanced units with the errors of its entries, its kernels, and
+//! Taylor coefficients along arcs.
+
+use std::cell::Cell;
+
+use super::arc::{Arc, Value};
+use super::search::RANK;
+use crate::linear::{Decomposition, decompose};
+use crate::judge::equilibrate;
+use crate::piecewise::expansion::{Exactness, TERMS, along};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
+use crate::sparse::{Matrix, dot, norm};
+use crate::spread::centred;
+
+/// Rounding errors of a coordinate by which a point found to rounding may be off, and the factor by which differences between
+/// computations from such points may be smaller than the errors that they stand for.
+const SAFETY: f64 = 64.0;
+/// Displacement, in balanced units, over which the change of a row of the Jacobian is its size where the row itself vanishes.
+const APART: f64 = 1.0 / 1024.0;
+/// Share of the balanced size of a variable below which its value is a rounding error of 0: 2⁻³⁰ leaves room for units that are 10⁸ apart,
+/// and is far above rounding of points of ordinary size.
+const NOTHING: f64 = 1.0 / 1_073_741_824.0;
+/// Number of points beside the given one from which everything is computed again.
+const BESIDE: usize = 2;
+
+/// Highest order of the coefficients.
+pub(super) const ORDER: usize = TERMS - 1;
+
+/// A point, the units of its variables and points that rounding may have put in its place.
+pub(super) struct Frame<'a> {
+    pub(super) map: &'a dyn PiecewiseSmooth,
+    pub(super) x: &'a [f64],
+    /// Positions of the test functions that vanish there.
+    pub(super) vanishing: &'a [usize],
+    /// Number of all test functions.
+    pub(super) tests: usize,
+    /// How far x may be off, beyond rounding.
+    pub(super) off: f64,
+}
+
+/// The map of a selection near a point.
+pub(super) struct Extension<'a> {
+    pub(super) frame: &'a Frame<'a>,
+    pub(super) selection: &'a Selection,
+    /// Sizes of the variables: everything is computed in multiples of them.
+    pub(super) units: Vec<f64>,
+    /// Factors of the rows of H.
+    rows: Vec<f64>,
+    /// The point, and those beside it.
+    bases: Vec<Vec<f64>>,
+    /// The Jacobians there, balanced.
+    jacobians: Vec<Matrix>,
+    svd: Decomposition,
+    /// Singular values up to this one count as zero.
+    pub(super) error: f64,
+    pub(super) rank: usize,
+    /// The largest estimated error of a coefficient of H of second or higher order so far.
+    noise: Cell<f64>,
+}
+
+/// Coefficients of H and of the vanishing test functions along an arc: `residual[k]` and `tests[k]` are those of s^k.
+pub(super) struct Coefficients {
+    pub(super) residual: Vec<Vec<f64>>,
+    pub(super) tests: Vec<Vec<f64>>,
+    /// Estimated errors of those of the test functions; 0 where they are known to rounding.
+    errors: Vec<Vec<f64>>,
+}
+
+impl<'a> Extension<'a> {
+    /// # Errors
+    /// Entries outside the pattern, values that are not finite.
+    pub(super) fn new(frame: &'a Frame<'a>, selection: &'a Selection) -> Result<Self, PiecewiseError> {
+        let (map, x) = (frame.map, frame.x);
+        let mut jac = Matrix::zeros(map.pattern());
+        let at = |x: &[f64], jac: &mut Matrix| {
+            jac.clear();
+            map.jacobian(selection, x, jac);
+            match jac.stray() {
+                Some((row, col)) => Err(PiecewiseError::StrayEntry { row, col }),
+                None => Ok(()),
+            }
+        };
+        at(x, &mut jac)?;
+        let units = units(&jac, &changes(map, selection, x, &jac), x);
+        let apart = |sign: f64| -> Vec<f64> {
+            let all = x.iter().zip(&units).enumerate();
+            all.map(|(j, (x, unit))| x + sign * APART * unit * (1.0 + centred(j + 1, false)))
+                .collect()
+        };
+        let (mut ahead, mut behind) = (jac.clone(), jac.clone());
+        at(&apart(1.0), &mut ahead)?;
+        at(&apart(-1.0), &mut behind)?;
+        let mut rows = vec![0.0_f64; jac.nrows()];
+        let changes = ahead
+            .values()
+            .iter()
+            .zip(behind.values())
+            .map(|(a, b)| (a - b).abs());
+        for ((i, j, v), change) in jac.triplets().zip(changes) {
+            rows[i] = rows[i]
+                .max(v.abs() * units[j])
+                .max(0.5 / APART * change * units[j]);
+        }
+        rows.iter_mut()
+            .for_each(|r| *r = if *r > 0.0 && r.is_finite() { r.recip() } else { 1.0 });
+        let mut this = Self {
+            frame,
+            selection,
+            bases: bases(x, &units, frame.off),
+            units,
+            rows,
+            jacobians: Vec::new(),
+            svd: Decomposition {
+                right: Vec::new(),
+                left: Vec::new(),
+                values: Vec::new(),
+            },
+            error: 0.0,
+            rank: 0,
+            noise: Cell::new(0.0),
+        };
+        for base in &this.bases {
+            at(base, &mut jac)?;
+            this.jacobians.push(this.balanced(&jac));
+        }
+        this.svd = decompose(&this.jacobians[0])?;
+        this.error = this.error_of_entries();
+        this.rank = this.svd.values.iter().filter(|s| **s > this.error).count();
+        Ok(this)
+    }
+
+    fn balanced(&self, jac: &Matrix) -> Matrix {
+        let mut jac = jac.clone();
+        jac.scale_columns(&self.units);
+        let factors: Vec<f64> = jac.triplets().map(|(i, ..)| self.rows[i]).collect();
+        jac.values_mut()
+            .iter_mut()
+            .zip(factors)
+            .for_each(|(v, f)| *v *= f);
+        jac
+    }
+
+    /// Bound of the norm of the errors of the entries of the Jacobian: what rounding of the point makes of them, and their own rounding.
+    fn error_of_entries(&self) -> f64 {
+        let first = self.jacobians[0].values();
+        let moved = |other: &Matrix| {
+            let apart: Vec<f64> = first.iter().zip(other.values()).map(|(a, b)| a - b).collect();
+            norm(&apart)
+        };
+        let scatter = self.jacobians[1..].iter().map(moved).fold(0.0, f64::max);
+        SAFETY * f64::EPSILON * norm(first) + scatter
+    }
+
+    /// Whether a smaller rank is within the errors of the entries, too, or within those of a point located as a `singular` one.
+    pub(super) fn doubtful_rank(&self, singular: bool) -> Option<usize> {
+        let least = self.rank.checked_sub(1).map(|k| self.svd.values[k])?;
+        let located = if singular { RANK } else { 0.0 };
+        (least <= located.max(SAFETY * self.error)).then(|| self.rank - 1)
+    }
+
+    /// Errors up to which numbers computed from coefficients of H are known, in balanced units.
+    pub(super) fn resolution(&self) -> f64 {
+        self.error + self.noise.get()
+    }
+
+    /// Dimension of the kernel.
+    pub(super) fn dimension(&self) -> usize {
+        self.units.len() - self.rank
+    }
+
+    /// Orthonormal basis of the kernel.
+    pub(super) fn kernel(&self) -> &[Vec<f64>] {
+        &self.svd.right[self.rank..]
+    }
+
+    /// Orthonormal basis of the kernel of the transpose.
+    pub(super) fn cokernel(&self) -> &[Vec<f64>] {
+        &self.svd.left[self.rank..]
+    }
+
+    /// The vector w orthogonal to the kernel with J w = −r, as far as r is in the range of J; J is that of one of the bases.
+    pub(super) fn solve(&self, base: usize, r: &[f64]) -> Vec<f64> {
+        let mut w = vec![0.0; self.units.len()];
+        let mut left = r.to_vec();
+        // The second pass corrects the first by what it leaves, with the Jacobian of the base.
+        for _ in 0..2 {
+            for (v, sigma) in self.svd.right[..self.rank].iter().zip(&self.svd.values) {
+                let mut image = vec![0.0; r.len()];
+                self.jacobians[0].mul_vec(v, &mut image);
+                let share = -dot(&image, &left) / (sigma * sigma);
+                w.iter_mut().zip(v).for_each(|(w, v)| *w += share * v);
+            }
+            left.copy_from_slice(r);
+            let mut image = vec![0.0; r.len()];
+            self.jacobians[base].mul_vec(&w, &mut image);
+            left.iter_mut().zip(&image).for_each(|(l, i)| *l += i);
+        }
+        w
+    }
+
+    /// The kernel vector nearest to a direction at one of the bases.
+    pub(super) fn kernel_near(&self, base: usize, direction: &[f64]) -> Vec<f64> {
+        let mut image = vec![0.0; self.rows.len()];
+        self.jacobians[base].mul_vec(direction, &mut image);
+        let correction = self.solve(base, &image);
+        let mut t: Vec<f64> = direction.iter().zip(&correction).map(|(d, c)| d + c).collect();
+        let length = norm(&t);
+        t.iter_mut().for_each(|t| *t /= length);
+        t
+    }
+
+    pub(super) fn num_bases(&self) -> usize {
+        self.bases.len()
+    }
+
+    /// Taylor coefficients along base + Σ arc[k − 1] s^k, up to an order of at most 4.
+    pub(super) fn along(&self, base: usize, arc: &[&[f64]], order: usize) -> Coefficients {
+        let (n, tests) = (self.rows.len(), self.frame.tests);
+        let unscaled = |v: &&[f64]| -> Vec<f64> { v.iter().zip(&self.units).map(|(v, u)| v * u).collect() };
+        let terms: Vec<Vec<f64>> = arc.iter().map(unscaled).collect();
+        let mut all: Vec<&[f64]> = vec![&self.bases[base]];
+        all.extend(terms.iter().take(order).map(Vec::as_slice));
+        let (mut residual, mut values) = (vec![0.0; TERMS * n], vec![0.0; TERMS * tests]);
+        let exactness = along(&self.frame.map, self.selection, &all, &mut residual, &mut values);
+        let (mut errors, mut noise) = (vec![0.0; TERMS * tests], self.noise.get());
+        if let Exactness::Estimated { residual, tests } = exactness {
+            errors = tests;
+            for (own, factor) in residual.chunks_exact(TERMS).zip(&self.rows) {
+                noise = own[2..=order.max(2)].iter().fold(noise, |m, e| m.max(e * factor));
+            }
+            self.noise.set(noise);
+        }
+        let vanishing = self.frame.vanishing;
+        Coefficients {
+            residual: (0..=order)
+                .map(|k| (0..n).map(|i| residual[TERMS * i + k] * self.rows[i]).collect())
+                .collect(),
+            tests: (0..=order)
+                .map(|k| vanishing.iter().map(|t| values[TERMS * t + k]).collect())
+                .collect(),
+            errors: (0..=order)
+                .map(|k| vanishing.iter().map(|t| errors[TERMS * t + k]).collect())
+                .collect(),
+        }
+    }
+
+    /// α along an arc, relative to its value at the point, and the vanishing test functions, with their errors; the arc computed from each base.
+    pub(super) fn values(&self, arcs: &[Arc]) -> Followed {
+        let each: Vec<Along> = (arcs.iter().enumerate())
+            .map(|(b, a)| self.values_at(b, a))
+            .collect();
+        let sizes = self.gradient_sizes();
+        let value = |own: (f64, f64), size: f64, others: &mut dyn Iterator<Item = f64>| {
+            let apart = others.map(|o| (o - own.0).abs()).fold(0.0, f64::max);
+            Value {
+                value: own.0,
+                error: own.1 + SAFETY * f64::EPSILON * size + SAFETY.sqrt() * apart,
+            }
+        };
+        let last = self.units.last().copied().unwrap_or(1.0);
+        let size = |k: usize| arcs[0].size(k);
+        let orders = each[0].alpha.len();
+        let alpha = |k: usize| {
+            let own = (each[0].alpha[k], 0.0);
+            value(own, last * size(k), &mut each[1..].iter().map(|e| e.alpha[k]))
+        };
+        let test = |v: usize, k: usize| {
+            let own = (each[0].tests[v][k].0, each[0].tests[v][k].1);
+            value(
+                own,
+                sizes[v] * size(k),
+                &mut each[1..].iter().map(|e| e.tests[v][k].0),
+            )
+        };
+        Followed {
+            alpha: (0..orders).map(alpha).collect(),
+            tests: (0..sizes.len())
+                .map(|v| (0..orders).map(|k| test(v, k)).collect())
+                .collect(),
+        }
+    }
+
+    /// Sizes of the gradients of the vanishing test functions in the units of the variables.
+    fn gradient_sizes(&self) -> Vec<f64> {
+        let mut sizes = vec![0.0_f64; self.frame.vanishing.len()];
+        for second in [false, true] {
+            let direction: Vec<f64> = (0..self.units.len())
+                .map(|j| 2.0 * centred(j + 1, second))
+                .collect();
+            let found = self.along(0, &[&direction], 1);
+            sizes
+                .iter_mut()
+                .zip(&found.tests[1])
+                .for_each(|(s, t)| *s = s.max(t.abs()));
+        }
+        sizes
+    }
+
+    fn values_at(&self, base: usize, arc: &Arc) -> Along {
+        let last = self.units.last().copied().unwrap_or(1.0);
+        let alpha = |v: &[f64]| last * v.last().copied().unwrap_or(0.0);
+        let vanishing = 0..self.frame.vanishing.len();
+        if let Some(half) = &arc.half {
+            let rates = |d: &[f64]| self.along(base, &[d], 1);
+            let (first, second) = (rates(&arc.terms[0]), rates(half));
+            let of = |v: usize| {
+                [&first, &second]
+                    .map(|c| (c.tests[1][v], c.errors[1][v]))
+                    .to_vec()
+            };
+            return Along {
+                alpha: vec![alpha(&arc.terms[0]), alpha(half)],
+                tests: vanishing.map(of).collect(),
+            };
+        }
+        let order = arc.terms.len();
+        let terms: Vec<&[f64]> = arc.terms.iter().map(Vec::as_slice).collect();
+        let found = self.along(base, &terms, order);
+        let of = |v: usize| {
+            (1..=order)
+                .map(|k| (found.tests[k][v], found.errors[k][v]))
+                .collect()
+        };
+        Along {
+            alpha: arc.terms.iter().map(|t| alpha(t)).collect(),
+            tests: vanishing.map(of).collect(),
+        }
+    }
+
+    /// An arc of displacements in the variables of the map.
+    pub(super) fn unscaled(&self, arc: &Arc) -> Arc {
+        let mut arc = arc.clone();
+        for term in arc.terms.iter_mut().chain(&mut arc.half) {
+            term.iter_mut().zip(&self.units).for_each(|(t, u)| *t *= u);
+        }
+        arc
+    }
+}
+
+/// Coefficients of α and of the vanishing test functions along an arc at one base; these with estimated errors.
+struct Along {
+    alpha: Vec<f64>,
+    tests: Vec<Vec<(f64, f64)>>,
+}
+
+/// Functions along an arc: coefficients of α and of each vanishing test function.
+pub(super) struct Followed {
+    pub(super) alpha: Vec<Value>,
+    pub(super) tests: Vec<Vec<Value>>,
+}
+
+/// The larger of each entry of the Jacobian and of its change over distances of 1.
+fn changes(map: &dyn PiecewiseSmooth, selection: &Selection, x: &[f64], jac: &Matrix) -> Matrix {
+    let moved: Vec<f64> = x
+        .iter()
+        .enumerate()
+        .map(|(j, x)| x + centred(j + 1, false))
+        .collect();
+    let mut other = Matrix::zeros(jac.pattern().clone());
+    map.jacobian(selection, &moved, &mut other);
+    for (o, v) in other.values_mut().iter_mut().zip(jac.values()) {
+        *o = (*o - v).abs().max(v.abs());
+    }
+    other
+}
+
+/// The size of each variable: its own or, where that is smaller, the change that rounding of the terms of a row cannot tell from it. Where
+/// both are rounding errors of 0, the size in which columns of the Jacobian, or of its changes, are balanced, their geometric mean being 1.
+fn units(jac: &Matrix, changes: &Matrix, x: &[f64]) -> Vec<f64> {
+    let mut terms = vec![0.0_f64; jac.nrows()];
+    let lengths: Vec<f64> = x.iter().map(|x| x.abs()).collect();
+    jac.as_ref().add_term_sizes(&lengths, &mut terms);
+    let mut least = vec![f64::INFINITY; x.len()];
+    // Entries that are far smaller than nearby are rounding errors of 0.
+    for ((i, j, v), (.., near)) in jac.triplets().zip(changes.triplets()) {
+        if v.abs() > NOTHING * near && terms[i] > 0.0 {
+            least[j] = least[j].min(terms[i] / v.abs());
+        }
+    }
+    let (mut rows, mut largest) = (vec![1.0; jac.nrows()], vec![0.0; jac.nrows()]);
+    let mut balanced = vec![1.0; x.len()];
+    equilibrate(changes.as_ref(), &mut rows, &mut balanced, &mut largest);
+    let mean = balanced.iter().map(|b| b.log2()).sum::<f64>() / x.len() as f64;
+    let unit = |j: usize| {
+        let balanced = (balanced[j].log2() - mean).exp2();
+        let own = if least[j].is_finite() {
+            x[j].abs().max(least[j])
+        } else {
+            x[j].abs()
+        };
+        let size = if own > NOTHING * balanced { own } else { balanced };
+        if size > 0.0 && size.is_finite() {
+            size.log2().round().exp2()
+        } else {
+            1.0
+        }
+    };
+    (0..x.len()).map(unit).collect()
+}
+
+fn bases(x: &[f64], units: &[f64], off: f64) -> Vec<Vec<f64>> {
+    let mut bases = vec![x.to_vec()];
+    for k in 0..BESIDE {
+        let beside = x.iter().zip(units).enumerate().map(|(j, (x, unit))| {
+            let sign = 2.0 * centred(j + 1, k % 2 == 1);
+            x + sign * (SAFETY * f64::EPSILON * unit + off)
+        });
+        bases.push(beside.collect());
+    }
+    bases
+}

@@ -1,0 +1,176 @@
+//! A catalogue of normal forms: points of solution curves where more than a simple step happens, with all that is known of them by hand, in
+//! random coordinates, units and dimensions. What the crate says of each is counted: nothing may be false.
+//!
+//! `NORMAL_FORMS_CASES=1000 cargo test --test normal_forms` draws more members than the 2 of each family; `NORMAL_FORMS_ONE="fold:7"` shows
+//! all findings on one member.
+#![cfg(feature = "autodiff")]
+#![allow(clippy::type_complexity)]
+
+mod answer;
+mod cases;
+mod check;
+mod coordinates;
+mod forms;
+mod judge;
+mod networks;
+#[path = "../common/random.rs"]
+mod random;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use forms::{Entry, FAMILIES};
+use judge::{Counts, Findings, examine, examine_in_untold_units};
+use random::Random;
+
+/// Members of each family.
+fn members() -> u64 {
+    let asked = std::env::var("NORMAL_FORMS_CASES");
+    asked.ok().and_then(|v| v.parse().ok()).unwrap_or(2)
+}
+
+/// Families where wrong folds, arms or errors are still seen: their points are of higher codimension, or c is near the value where the
+/// kink degenerates. No list of theirs may be called complete.
+const OPEN: [&str; 5] = [
+    "curved kink, c > 1",
+    "cusp y² = a³",
+    "three lines",
+    "four lines in space",
+    "two of four complex lines",
+];
+
+/// Families of codimension 0 and 1 of which some members are still left undecided, in the units told.
+const DOUBTFUL: [&str; 8] = [
+    "pass-through, both tangents vertical",
+    "fold, one tangent vertical",
+    "pass-through, one tangent vertical",
+    "curved kink, c > 1",
+    "fold",
+    "transcritical, slope 1e-3 to 0.1",
+    "saddle of two unknowns",
+    "vertical on one side",
+];
+
+type Examine = fn(&Entry, &mut Random) -> Findings;
+
+fn member(draw: fn(&mut Random) -> Entry, examine: Examine, name: &str, seed: u64) -> (Findings, u8) {
+    let salt = name
+        .bytes()
+        .fold(7, |h: u64, b| h.wrapping_mul(31).wrapping_add(u64::from(b)));
+    let mut random = Random::new(salt.wrapping_add(seed.wrapping_mul(0x5851_f42d_4c95_7f2d)));
+    let entry = draw(&mut random);
+    let codimension = entry.codimension;
+    let examined = catch_unwind(AssertUnwindSafe(|| examine(&entry, &mut random)));
+    let findings = examined.unwrap_or_else(|_| Findings {
+        wrong: vec!["panic".to_owned()],
+        ..Findings::default()
+    });
+    (findings, codimension)
+}
+
+fn show(text: &mut String, findings: &Findings) {
+    for (word, list) in [
+        ("false", &findings.wrong),
+        ("falsely complete", &findings.falsely_complete),
+        ("folds", &findings.folds),
+        ("missing", &findings.missing),
+        ("undecided", &findings.undecided),
+    ] {
+        for finding in list {
+            text.push_str(&format!("    {word}: {finding}\n"));
+        }
+    }
+}
+
+/// Examines all families of a group, prints the table and asserts that nothing is false.
+fn group(name: &str) {
+    families(name, |group| group == name, examine);
+}
+
+fn families(name: &str, chosen: impl Fn(&str) -> bool, examine: Examine) {
+    let one = std::env::var("NORMAL_FORMS_ONE").ok();
+    let told = name != "untold units";
+    let mut table = format!(
+        "{name:36} codimension  members  false  falsely complete  folds  missing  estimated  undecided\n"
+    );
+    let (mut examples, mut faults) = (String::new(), Vec::new());
+    for (_, family, draw) in FAMILIES.iter().filter(|f| chosen(f.0)) {
+        let (mut counts, mut codim) = (Counts::default(), 0);
+        for seed in 0..members() {
+            if one.as_ref().is_some_and(|o| *o != format!("{family}:{seed}")) {
+                continue;
+            }
+            let (found, codimension) = member(*draw, examine, family, seed);
+            counts.add(&found);
+            codim = codim.max(codimension);
+            let bad = found.wrong.len() + found.falsely_complete.len() + found.folds.len();
+            let first = counts.wrong + counts.falsely_complete + counts.folds <= 2;
+            if one.is_some() || (bad > 0 && first) {
+                examples.push_str(&format!("  {family}:{seed}\n"));
+                show(&mut examples, &found);
+            }
+        }
+        let c = counts;
+        table.push_str(&format!(
+            "{family:36} {codim:11}  {:7}  {:5}  {:16}  {:5}  {:7}  {:9}  {:9}\n",
+            c.instances, c.wrong, c.falsely_complete, c.folds, c.missing, c.estimated, c.undecided
+        ));
+        let open = OPEN.contains(family);
+        let decided = told && codim <= 1 && !DOUBTFUL.contains(family);
+        let bad = c.falsely_complete > 0 || (!open && c.wrong + c.folds > 0);
+        // Undecided are at most one of a hundred.
+        if bad || (decided && c.undecided > c.instances / 100) {
+            faults.push(*family);
+        }
+    }
+    println!("{table}\n{examples}");
+    assert!(
+        faults.is_empty(),
+        "false, falsely complete or undecided: {faults:?}"
+    );
+}
+
+#[test]
+fn smooth_points_are_what_they_are() {
+    group("smooth");
+}
+
+#[test]
+fn folds_close_together_are_all_found() {
+    group("folds");
+}
+
+#[test]
+fn kinks_are_what_they_are() {
+    group("kinks");
+}
+
+#[test]
+fn branches_at_kinks_are_all_found() {
+    group("branching");
+}
+
+#[test]
+fn corners_of_several_sites_are_what_they_are() {
+    group("corners");
+}
+
+#[test]
+fn curves_along_kinks_are_what_they_are() {
+    group("grazing");
+}
+
+#[test]
+fn ends_isolated_points_and_continua_are_told_apart() {
+    group("ends");
+}
+
+#[test]
+fn vertical_segments_are_found_arm_by_arm() {
+    group("vertical");
+}
+
+/// Sizes of unknowns and of α from 1e-8 to 1e8 change nothing about a point, told or not.
+#[test]
+fn vertices_are_the_same_in_units_that_are_not_told() {
+    families("untold units", |group| group != "folds", examine_in_untold_units);
+}
