@@ -10,6 +10,10 @@ pub(crate) const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// Rounding of a sum as a part of its terms, as long as these are few; with many it is of random signs.
 pub(crate) const SUM: f64 = 8.0 * f64::EPSILON;
 
+/// Rounding that may hide a contradiction between the rows of a singular part, as a part of their terms: eight times [`ROUNDING`]. At the
+/// default tolerance none above 2e-7 of the constants passes (`contradictory_equations_are_never_solved` of tests/mcp).
+const HIDING: f64 = 8.0 * ROUNDING;
+
 /// A residual of at least this part of its terms shows no cancellation.
 const OPEN: f64 = 1e-3;
 
@@ -123,6 +127,8 @@ pub(crate) struct Judge {
     rows: Vec<Row>,
     /// Sizes at which unknowns were met.
     met: Vec<f64>,
+    /// Rows with a term that is more than rounding of these, by a coefficient that is more than rounding of its row.
+    loud: Vec<bool>,
     parts: Parts,
     is_found: bool,
     /// Factors of rows and units of unknowns in which J is equilibrated.
@@ -137,6 +143,11 @@ pub(crate) struct Judge {
 impl Judge {
     /// The verdict on a point; `tolerance` only says how closely it must be looked at.
     pub(crate) fn verdict(&mut self, p: &Point<'_>, tolerance: f64) -> Verdict {
+        self.verdict_with(p, tolerance, tolerance)
+    }
+
+    /// The same, if what is hidden has a tolerance of its own, at most the other one.
+    pub(crate) fn verdict_with(&mut self, p: &Point<'_>, tolerance: f64, of_hidden: f64) -> Verdict {
         let n = p.x.len();
         self.is_found = false;
         self.distant.clear();
@@ -152,7 +163,7 @@ impl Judge {
         }
         let (mut hidden, mut distant) = (0.0, 0.0);
         if error <= tolerance && p.sizes.is_none() {
-            (hidden, distant) = self.hidden(p, tolerance);
+            (hidden, distant) = self.hidden(p, of_hidden);
         }
         Verdict {
             error,
@@ -268,7 +279,7 @@ impl Judge {
             });
         }
         self.add_up(p);
-        (0..n).all(|i| self.error(p, i) <= tolerance || self.rows[i].is_rounding())
+        (0..n).all(|i| self.error(p, i) <= tolerance || !self.loud[i])
     }
 
     /// Finds the sizes at which unknowns were met: the largest of their part, in units in which J is equilibrated; of the start, too, where
@@ -306,22 +317,35 @@ impl Judge {
         self.add_up(p);
     }
 
-    /// Whether an unknown is more than rounding: of the size at which it was met, or to a row that has constants.
+    /// Whether an unknown is more than rounding: of the size at which it was met, or to a row that has constants. What a curved row has beside
+    /// its derivatives is none where it vanishes with the unknowns.
     fn is_loud(&self, p: &Point<'_>, j: usize) -> bool {
         let x = p.x[j].abs();
         let mut loud = x > ROUNDING * self.met[j];
         p.jac.each(j, |i, v| {
             let row = &self.rows[i];
-            loud |= row.constant > SUM * row.variable && v.abs() * x > ROUNDING * row.terms();
+            let has_constant = row.constant > SUM * row.variable
+                && (p.rest.is_some() || row.constant > ROUNDING * row.typical);
+            loud |= has_constant && v.abs() * x > ROUNDING * row.terms();
         });
         loud
     }
 
-    /// Σ|Jᵢⱼ| mⱼ for all rows, in their `sum`, with the sizes m that were met.
+    /// Σ|Jᵢⱼ| mⱼ for all rows, in their `sum`, with the sizes m that were met, and which rows have a term beyond rounding.
     fn add_up(&mut self, p: &Point<'_>) {
         self.rows.iter_mut().for_each(|row| row.sum = 0.0);
-        for j in 0..p.x.len() {
+        let n = p.x.len();
+        for j in 0..n {
             p.jac.each(j, |i, v| self.rows[i].sum += v.abs() * self.met[j]);
+        }
+        self.loud.clear();
+        self.loud.resize(n, false);
+        for j in 0..n {
+            if self.is_loud(p, j) {
+                p.jac.each(j, |i, v| {
+                    self.loud[i] |= v.abs() * self.met[j] > ROUNDING * self.rows[i].sum;
+                });
+            }
         }
     }
 
@@ -330,7 +354,7 @@ impl Judge {
         self.meet(p);
         (0..p.x.len()).fold(0.0, |worst, i| {
             let (e, row) = (self.error(p, i), &self.rows[i]);
-            let eased = match exceeds(e, tolerance) && row.is_rounding() {
+            let eased = match exceeds(e, tolerance) && !self.loud[i] && row.is_rounding() {
                 true => p.f[i].abs() / row.sum,
                 false => e,
             };
@@ -364,7 +388,7 @@ impl Judge {
         for i in (0..n).filter(|&i| !p.rests(i)) {
             let (constant, row) = (self.constants(p, i), self.rows[i]);
             let (left, rounding) = (p.f[i].abs(), SUM * row.variable);
-            let (beyond, most) = ((left - rounding).max(0.0), ROUNDING * row.variable);
+            let (beyond, most) = ((left - rounding).max(0.0), HIDING * row.variable);
             let quick = if constant > 0.0 {
                 constant
             } else {

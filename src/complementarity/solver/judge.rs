@@ -25,16 +25,19 @@ impl Engine<'_> {
             lower: self.lower,
             upper: self.upper,
         };
-        let verdict = w.judge.verdict(&point, tolerance);
+        let verdict = w
+            .judge
+            .verdict_with(&point, tolerance, tolerance.min(self.options.tolerance));
         self.report.error = verdict.error;
         verdict
     }
 
     /// Whether the judged point, where F and ∇F have just been evaluated, is a solution. Where iterates of a curved F went to infinity, a
     /// flat row is one that has underflowed; near a singularity terms are large at x only; and far out only straight rows are determined
-    /// by a regular ∇F.
+    /// by a regular ∇F. What is hidden has to be within the tolerance of the options even where a larger error is acceptable.
     pub(super) fn accepts(&mut self, verdict: Verdict, tolerance: f64) -> bool {
         verdict.is_solved(tolerance)
+            && verdict.hidden <= self.options.tolerance
             && (self.affine
                 || !(verdict.flat && self.asymptotic)
                     && self.terms_last(2.0 * verdict.error)
