@@ -44,6 +44,7 @@ pub mod fallible;
 pub mod fem;
 pub mod guide;
 pub mod interface;
+mod judge;
 pub mod linear;
 pub mod newton;
 mod options;

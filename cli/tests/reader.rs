@@ -431,3 +431,25 @@ fn a_test_that_is_not_a_number_has_no_branch() {
         );
     }
 }
+
+/// if x ≥ 1 then ln(x − 1) else x: at 1 both branches count, beside it the selected one, and an equality selects the point itself.
+#[test]
+fn both_branches_count_where_a_test_changes() {
+    for (comparison, x, defined) in [
+        ("o28", 1.0, false),
+        ("o28", 0.5, true),
+        ("o28", 2.0, true),
+        ("o24", 1.0, true),
+        ("o24", 0.5, false),
+    ] {
+        // 22 <, 23 ≤, 24 =, 28 ≥; the branches are 1 and ln(x − 1) for =, else ln(x − 1) and x.
+        let branches = if comparison == "o24" { "n1\no43\no1\nv0\nn1\n" } else { "o43\no1\nv0\nn1\nv0\n" };
+        let text = header([1, 1, 0, 0, 1, 0, 0])
+            + &format!("C0\no35\n{comparison}\nv0\nn1\n{branches}r\n3\nb\n3\nJ0 1\n0 0\n");
+        let model = read(text.as_bytes()).unwrap();
+        let mut values = model.graph.workspace();
+        model.graph.set_variables(&[x], &mut values);
+        let found = model.rows[0].body(&model.graph, &mut values);
+        assert_eq!(found.is_finite(), defined, "{comparison} {x}: {found}");
+    }
+}

@@ -208,8 +208,8 @@ plain! {
         history, certificate, time,
     }
     LemkeResult { x, status, message, residual, pivots, ray, history }
-    ViResult { x, status, residual, inequalities, equations, lower, upper, ray, iterations, history }
-    ConeResult { x, status, residual, error, ray, iterations, history }
+    ViResult { x, status, residual, inequalities, equations, lower, upper, ray, certificate, within_rounding, iterations, history }
+    ConeResult { x, status, residual, error, ray, radius, iterations, history }
     FrictionResult { reactions, velocities, states, status, residual, factorisations, history }
     Solution { x, pieces, det_signs, margin, index, residual, continuum }
     Continuum { pieces, dimension, point, ends, directions, described }

@@ -35,6 +35,11 @@ pub(crate) struct ViResult {
     pub(crate) upper: Py<PyArray1<f64>>,
     /// Where there is no solution, the direction of recession v with sup F(x)ᵀv < 0 that proves it, if one was found.
     pub(crate) ray: Option<Py<PyArray1<f64>>>,
+    /// The proof of "empty set" or "no solution", or None: a dict with "multipliers" ("inequalities", "equations", "lower", "upper"),
+    /// "value" (negative), "radius" (nothing smaller is a counterexample; inf where it is exact) and, of "no solution", "direction".
+    pub(crate) certificate: Py<PyAny>,
+    /// Whether the set is empty as stored, but not if its constants move by 2⁻⁵³ of themselves, as in 0.1 + 0.2 = 0.3.
+    pub(crate) within_rounding: bool,
     /// Iterations.
     pub(crate) iterations: usize,
     /// The iterates, as those of :class:`McpResult`.
@@ -142,7 +147,13 @@ fn solve_vi(
         equations: array(&report.multipliers.equations),
         lower: array(&report.multipliers.lower),
         upper: array(&report.multipliers.upper),
-        ray: report.ray.map(|ray| array(&ray.direction)),
+        ray: report.ray.as_ref().map(|ray| array(&ray.direction)),
+        certificate: match (&report.ray, &report.infeasibility) {
+            (Some(ray), _) => python(py, ray)?.unbind(),
+            (None, Some(empty)) => python(py, empty)?.unbind(),
+            (None, None) => py.None(),
+        },
+        within_rounding: report.within_rounding,
         iterations: report.mcp.iterations,
         history: python(py, &report.mcp.history)?.unbind(),
     })
@@ -159,8 +170,10 @@ pub(crate) struct ConeResult {
     pub(crate) residual: f64,
     /// The error that is compared with the tolerance, scaled for each cone.
     pub(crate) error: f64,
-    /// Where there is no solution, v in K with −Mᵀv in K* and qᵀv < 0, shape (n,).
+    /// Where there is no solution, v in K with −Mᵀv in K* and qᵀv = −1 up to rounding, shape (n,).
     pub(crate) ray: Option<Py<PyArray1<f64>>>,
+    /// What ``ray`` proves, rounding included: there is no solution with ‖x‖₂ below this radius; inf where it is exact.
+    pub(crate) radius: Option<f64>,
     /// Iterations.
     pub(crate) iterations: usize,
     /// The iterates, each a dict of "attempt", "merit", "mu" and "damping".
@@ -243,6 +256,7 @@ fn solve_cone(
         status: report.status.to_string(),
         residual: report.residual,
         error: report.error,
+        radius: report.ray.as_ref().map(|ray| ray.radius),
         ray: report
             .ray
             .map(|ray| PyArray1::from_vec(py, ray.direction).unbind()),

@@ -113,3 +113,19 @@ def test_exceptions_of_the_function_come_out_unchanged():
     with pytest.raises(LookupError) as caught:
         ss.trace(failing, 1)
     assert caught.value is error
+
+
+def test_what_is_undefined_stays_so():
+    with np.errstate(all="ignore"):
+        for kink in (
+            lambda x: ss.maximum(x + 2, np.log(x)),
+            lambda x: ss.minimum(np.log(x), x),
+            lambda x: ss.clip(np.log(x), -1, 1),
+            lambda x: abs(np.log(x)) ** 0,
+            lambda x: ss.where(x > -5, np.log(x), x),
+            lambda x: ss.where(x > -2, np.log(x), x + 2),
+        ):
+            assert np.isnan(ss.trace(lambda x: [kink(x[0])], 1)([-2.0])).all()
+            found = ss.solve_mcp(lambda x: [kink(x[0])], -np.inf, np.inf, [-2.0])
+            assert not (found.status == "solved" and np.isnan(kink(found.x[0])))
+    assert ss.trace(lambda x: [ss.where(x[0] > 0, x[0], np.log(-x[0]))], 1)([2.0]) == [2.0]

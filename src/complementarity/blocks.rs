@@ -1,4 +1,4 @@
-use super::columns::Columns;
+use crate::judge::Columns;
 
 /// The unknowns that entries of a matrix connect with each other, block by block.
 #[derive(Debug, Clone, Default)]

@@ -1,6 +1,7 @@
 //! Whether the conditions of an affine problem are contradictory, in exact arithmetic.
 
 use crate::exact::{Exact, contradict};
+use crate::judge::slack;
 use crate::sparse::Matrix;
 
 /// Before a certificate is tried itself, its entries are rounded to multiples of this part of the smallest one.
@@ -24,8 +25,8 @@ enum Asked {
 }
 
 impl Conditions<'_> {
-    /// Whether no point satisfies the conditions, with their floating-point data taken as exact, given a certificate `v` that is right up
-    /// to rounding. With many unknowns (more than 5 000 numbers, zeros counted) `v` is accepted only if it is right with its entries
+    /// Whether no point satisfies the conditions, with the matrix taken as exact and q and bounds up to their [`slack`], given a certificate
+    /// `v` that is right up to rounding. With many unknowns (more than 5 000 numbers, zeros counted) `v` is accepted only if it is right with its entries
     /// rounded to simple ratios.
     pub(super) fn contradict(&self, v: &[f64]) -> bool {
         let asked = |i: &usize| self.asked(*i) != Asked::Nothing;
@@ -50,18 +51,21 @@ impl Conditions<'_> {
     /// one.
     fn contradict_among(&self, rows: &[usize]) -> Option<bool> {
         let n = self.q.len();
-        let (equations, inequalities): (Vec<usize>, Vec<usize>) =
+        let (zero, inequalities): (Vec<usize>, Vec<usize>) =
             rows.iter().partition(|i| self.asked(**i) == Asked::Zero);
         let mut entries = vec![Vec::new(); n];
         self.matrix
             .triplets()
             .for_each(|(i, j, a)| entries[i].push((j, a)));
-        let row = |&i: &usize| {
-            let sign = match self.asked(i) {
-                Asked::Sign(sign) => sign,
-                _ => 1.0,
-            };
-            let mut constant = exact(sign * self.q[i]);
+        // Its constant moves with q, and with the bounds that unknowns are measured from.
+        let give = |i: usize| {
+            let bounds = entries[i]
+                .iter()
+                .map(|&(j, a)| &exact(a).abs() * &exact(slack(self.origin(j).0)));
+            bounds.fold(exact(slack(self.q[i])), |sum, give| &sum + &give)
+        };
+        let row = |i: usize, sign: f64| {
+            let mut constant = &exact(sign * self.q[i]) + &give(i);
             let mut coefficients = vec![Exact::default(); n];
             for &(j, a) in &entries[i] {
                 let (from, way) = self.origin(j);
@@ -70,14 +74,23 @@ impl Conditions<'_> {
             }
             (constant, coefficients)
         };
+        let (equations, loose): (Vec<usize>, Vec<usize>) = zero.iter().partition(|i| give(**i).is_zero());
         let both = |j: &usize| self.asked(*j) == Asked::Nothing;
         let width = |j: usize| {
             let mut coefficients = vec![Exact::default(); n];
             coefficients[j] = exact(-1.0);
-            (&exact(self.upper[j]) - &exact(self.lower[j]), coefficients)
+            let (lower, upper) = (self.lower[j], self.upper[j]);
+            let give = &exact(slack(lower)) + &exact(slack(upper));
+            (&(&exact(upper) - &exact(lower)) + &give, coefficients)
         };
         let signed: Vec<usize> = (0..n).filter(|j| self.asked(*j) != Asked::Zero).collect();
-        let forms = equations.iter().chain(&inequalities).map(row);
+        let sign = |i: usize| match self.asked(i) {
+            Asked::Sign(sign) => sign,
+            _ => 1.0,
+        };
+        let forms = equations.iter().map(|&i| row(i, 1.0));
+        let forms = forms.chain(loose.iter().flat_map(|&i| [row(i, 1.0), row(i, -1.0)]));
+        let forms = forms.chain(inequalities.iter().map(|&i| row(i, sign(i))));
         let widths = (0..n).filter(both).map(width);
         contradict(n, &signed, equations.len(), forms.chain(widths))
     }
@@ -98,7 +111,7 @@ impl Conditions<'_> {
         let v: Vec<Exact> = v.iter().map(|v| exact((v / grain).round())).collect();
         let (mut sup, mut slopes) = (Exact::default(), vec![Exact::default(); v.len()]);
         for (q, v) in self.q.iter().zip(&v) {
-            sup = &sup + &(&exact(*q) * v);
+            sup = &(&sup + &(&exact(*q) * v)) + &(&exact(slack(*q)) * &v.abs());
         }
         for (i, j, a) in self.matrix.triplets() {
             slopes[j] = &slopes[j] + &(&exact(a) * &v[i]);
@@ -112,7 +125,7 @@ impl Conditions<'_> {
             if !bound.is_finite() {
                 return false;
             }
-            sup = &sup + &(slope * &exact(bound));
+            sup = &(&sup + &(slope * &exact(bound))) + &(&exact(slack(bound)) * &slope.abs());
         }
         sup.sign() < 0
     }

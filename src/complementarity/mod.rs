@@ -22,20 +22,23 @@
 //!
 //! # Accuracy
 //! One rule says when a point x within its bounds is a solution to a tolerance τ, whatever the units of F and of x. With f = F(x) and
-//! J = ∇F(x) the *terms* of row i are Sᵢ = Σⱼ |Jᵢⱼ xⱼ| + |fᵢ − Σⱼ Jᵢⱼ xⱼ|, for F = M x + q the sum of all |Mᵢⱼ xⱼ| and |qᵢ|. Component i
-//! is solved where
+//! J = ∇F(x) the *terms* of row i are the |Jᵢⱼ xⱼ| of unknowns between their bounds, its *constants* the others and |fᵢ − Σⱼ Jᵢⱼ xⱼ|, for
+//! F = M x + q all |qᵢ|. Component i is solved where
 //!
 //! * xᵢ is at a bound, exactly, and fᵢ has the sign that belongs to it (or both bounds are equal), or
-//! * |fᵢ| ≤ τ Sᵢ.
+//! * |fᵢ| ≤ τ Sᵢ with the sum Sᵢ of its terms and constants. Where all of these are rounding (F = x₀ at x₀ = 1e-17, found from 1), Sᵢ is
+//!   Σⱼ |Jᵢⱼ| sⱼ instead, sⱼ the largest |x_k| of its part, in units in which J is equilibrated; at the start, too, where a part has
+//!   neither constants nor terms from outside.
 //!
-//! The largest error in this sense is [`McpReport::error`]. It does not change with the units of rows and unknowns, and it does not depend
-//! on the start. There are three exceptions. Where F is curved, terms count only if they stay the same, up to a factor of two, when the
-//! components of x change to one side by twice the error: near a singularity of F terms are large without a solution nearby. Far out, where
-//! the constants (terms without the xⱼ between bounds) of all rows of a block (unknowns connected by entries of J) are less than 1e-6 of
-//! the terms, errors are relative to the constants instead, as along a direction near the kernel of J every residual is small relative to
-//! its terms. And beyond |xⱼ| = 2⁴⁸ no point counts as solved. A residual that is only the rounding error of huge terms gives
-//! [`McpStatus::AtRounding`]. All solvers of this module use this rule: McpSolver, [`ActiveSetSolver`](active_set::ActiveSetSolver),
-//! [`Nested`](active_set::Nested) and [`Lemke`](pivoting::Lemke).
+//! The *parts* are the strongly connected components of J among the unknowns that do not rest at bounds. The largest error in this sense is
+//! [`McpReport::error`]. It does not change with the units of rows and unknowns. Far out more is asked: where J is singular in the part of a
+//! row, |fᵢ| and the rounding of the terms together must not exceed √τ of the constants, as along the kernel of J every residual is small
+//! relative to its terms. Where J is regular there, beyond rounding, and the same elsewhere (F is affine), 1e-20 x₀ = 1, x₀ − x₁ = 1 is
+//! solved. Where F is curved, terms count only if they stay the same, up to a factor of two, when the components of x change to one side by
+//! twice the error: near a singularity of F terms are large without a solution nearby. A residual that is only the rounding error of huge
+//! terms gives [`McpStatus::AtRounding`]. All solvers use this rule: McpSolver, [`ActiveSetSolver`](active_set::ActiveSetSolver),
+//! [`Nested`](active_set::Nested), [`Lemke`](pivoting::Lemke), [`ViSolver`](crate::variational::ViSolver), and
+//! [`Newton`](crate::newton::Newton) for equations.
 //!
 //! ```
 //! use semismooth::complementarity::{Mcp, McpSolver, WithJacobian};

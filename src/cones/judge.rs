@@ -1,24 +1,15 @@
 //! Whether a point is a solution.
 
-use super::ConeError;
-use super::equations::Part;
+use std::cell::OnceCell;
+
 use super::run::Run;
+use super::{Cone, ConeError};
+use crate::judge::{Columns, Parts, ROUNDING, SUM};
 use crate::sparse::{max_abs, norm};
 
-/// Where the constants of all rows of a block are a smaller part of their terms, errors are compared with the constants: far out every
-/// error is small relative to its terms. Parts below `NO_CONSTANT` may be rounding errors where F is curved.
-const FAR: f64 = 1e-6;
-const NO_CONSTANT: f64 = 8.0 * f64::EPSILON;
 /// An entry of a cone counts with at least this part of the norm of all its entries: some rounding errors of the norm are then within the
 /// tolerance.
 const FLOOR: f64 = 1e-4;
-
-/// How far out the parts of a block are: the largest |xᵢ|, and the largest part that constants have of the terms of a cone.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Size {
-    share: f64,
-    largest: f64,
-}
 
 impl Run<'_> {
     /// Keeps the projection of x on K if it is the best point so far; returns whether it is a solution.
@@ -54,34 +45,13 @@ impl Run<'_> {
         for (term, rest) in self.terms.iter_mut().zip(&self.rest) {
             *term += rest.abs();
         }
-        let constants = self.constant.as_ref().unwrap_or(&self.rest);
-        let share = |part: &Part| {
-            let size = norm(&self.terms[part.range.clone()]);
-            if size > 0.0 {
-                norm(&constants[part.range.clone()]) / size
-            } else {
-                0.0
-            }
-        };
-        self.blocks.fill(Size::default());
+        self.blocks.fill(0.0);
         for (part, &b) in self.parts.iter().zip(&self.block) {
-            let block = &mut self.blocks[b];
-            block.share = block.share.max(share(part));
-            block.largest = block.largest.max(max_abs(&self.x[part.range.clone()]));
+            self.blocks[b] = self.blocks[b].max(max_abs(&self.x[part.range.clone()]));
         }
-        let least = if self.constant.is_some() {
-            f64::MIN_POSITIVE
-        } else {
-            NO_CONSTANT
-        };
         let mut worst = 0.0_f64;
-        for (part, &b) in self.parts.iter().zip(&self.block) {
-            let Size { share, largest } = self.blocks[b];
-            let far = match (least..FAR).contains(&share) {
-                true => share / FAR,
-                false => 1.0,
-            };
-            let largest = if largest > 0.0 { largest } else { 1.0 };
+        for (k, (part, &b)) in self.parts.iter().zip(&self.block).enumerate() {
+            let largest = if self.blocks[b] > 0.0 { self.blocks[b] } else { 1.0 };
             let size = norm(&self.terms[part.range.clone()]);
             let size = if size > 0.0 { size } else { 1.0 };
             let z = &mut self.room[..part.range.len()];
@@ -92,15 +62,93 @@ impl Run<'_> {
             for (z, i) in z.iter_mut().zip(part.range.clone()) {
                 *z -= self.x[i] / largest;
             }
-            // What the rounding of the terms may hide.
-            let hidden = if far < 1.0 { f64::EPSILON / far } else { 0.0 };
-            let error = norm(z) / far;
+            let error = norm(z);
+            self.errors[k] = error;
             if error > worst || error.is_nan() {
                 worst = error;
             }
-            worst = if hidden > worst { hidden } else { worst };
+        }
+        // Straight parts are excused only once the rest is solved, as looking for them takes longer.
+        match worst.is_nan() {
+            true => worst,
+            false => worst.max(self.hidden(worst <= self.options.tolerance)),
+        }
+    }
+
+    /// What the error of a part beyond rounding is relative to its constants, and the square of what rounding is relative to them, whichever
+    /// is largest, unless (if `excuse`) half-lines and free variables alone, which are straight, determine its unknowns by a regular ∇F of a constant slope:
+    /// elsewhere the terms may cancel far out whatever the constants are. The square lets no more than √τ of the constants pass at a
+    /// tolerance τ.
+    fn hidden(&self, excuse: bool) -> f64 {
+        let constants = self.constant.as_ref().unwrap_or(&self.rest);
+        let typical = OnceCell::new();
+        let measure = |k: usize| {
+            let range = self.parts[k].range.clone();
+            let size = norm(&self.terms[range.clone()]);
+            let mut constant = norm(&constants[range]);
+            if self.constant.is_none() && constant <= ROUNDING * size {
+                constant = constant.max(typical.get_or_init(|| self.typical())[k]);
+            }
+            (size, constant)
+        };
+        // The least part that constants have of the terms, of the parts of each block.
+        let mut least = vec![f64::INFINITY; self.parts.len()];
+        for (k, &b) in self.block.iter().enumerate() {
+            let (size, constant) = measure(k);
+            if constant > 0.0 {
+                least[b] = least[b].min(constant / size);
+            }
+        }
+        let rests = |i: usize| {
+            let half_line = matches!(self.parts[self.owner[i]].cone, Cone::Nonnegative(_));
+            half_line && self.x[i] == 0.0 && self.f[i] >= 0.0
+        };
+        let (mut found, mut worst) = (None, 0.0_f64);
+        for (k, &b) in self.block.iter().enumerate() {
+            let (size, constant) = measure(k);
+            let beyond = (self.errors[k] - ROUNDING).max(0.0);
+            let share = if constant > 0.0 { constant / size } else { least[b] };
+            let hidden = match size > 0.0 {
+                true => (beyond / share).max((SUM / share).powi(2)),
+                false => 0.0,
+            };
+            let first = self.parts[k].range.start;
+            if hidden <= self.options.tolerance || rests(first) {
+                continue;
+            }
+            if !excuse {
+                worst = worst.max(hidden);
+                continue;
+            }
+            let jac = Columns::Long(self.jac.as_ref());
+            let components = found.get_or_insert_with(|| {
+                let mut components = Parts::default();
+                components.find(jac, self.x.len(), &|i| !rests(i));
+                components
+            });
+            let is_straight = self.constant.is_some()
+                && components.of(first).is_some_and(|c| {
+                    let polyhedral = |i: &usize| {
+                        matches!(
+                            self.parts[self.owner[*i]].cone,
+                            Cone::Nonnegative(_) | Cone::Free(_)
+                        )
+                    };
+                    components.members(c).iter().all(polyhedral) && components.is_regular(c, jac)
+                });
+            if !is_straight {
+                worst = worst.max(hidden);
+            }
         }
         worst
+    }
+
+    /// The terms of each part at x = 1.
+    fn typical(&self) -> Vec<f64> {
+        let mut sums = vec![0.0; self.parts.len()];
+        let entries = self.jac.triplets();
+        entries.for_each(|(i, _, v)| sums[self.owner[i]] += v.abs());
+        sums
     }
 
     /// Sizes below which entries of each cone are not distinguished from zero, in `room`: rounding errors of projections are relative to

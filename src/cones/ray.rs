@@ -10,7 +10,7 @@ use super::{Cone, ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay};
 use crate::clock::Deadline;
 use crate::complementarity::{AffineFunction, McpFunction};
 use crate::exact::Exact;
-use crate::newton::equilibrate;
+use crate::judge::equilibrate;
 use crate::sparse::{Matrix, dot, max_abs, norm};
 
 /// Parts of the largest component of a direction below which other ones are dropped in turn.

@@ -3,9 +3,7 @@
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ConeStatus {
-    /// x lies in K, and [`ConeReport::error`] is at most the tolerance. That may hold far out for a problem without a solution, if problems
-    /// with coefficients that differ by as little have one (weak infeasibility: t = v₁, v₂ = 1 in the cone t ≥ ‖v‖);
-    /// [`ConeReport::residual`] is then not small.
+    /// x lies in K, and [`ConeReport::error`] is at most the tolerance.
     Solved,
     /// No x in K has F(x) in K*, as [`ConeReport::ray`] proves for all x within its radius.
     NoSolution,
@@ -76,8 +74,9 @@ pub struct ConeReport {
     /// Largest ‖x_b/X − P(x_b/X − F_b/S_b)‖₂ over the cones b. X is the largest |xᵢ| in the block of b (the cones connected by entries of
     /// J), S_b the norm of the terms Σⱼ |Jᵢⱼ xⱼ| + |Fᵢ − Σⱼ Jᵢⱼ xⱼ| of its rows, where xⱼ in a cone counts with at least 1e-4 of the norm
     /// of its entries or of the size at which constants are as large as the other terms, whichever is less. The units of x and of F in a
-    /// cone do not change it. Far out, where the constants of all rows of a block are less than 1e-6 of their terms, it is divided by that
-    /// part times 1e6. The point is solved where this is at most the tolerance.
+    /// cone do not change it. Beside constants of a cone that are small compared with its terms it is their share of the error beyond
+    /// rounding, or the square of that of the rounding, whichever is largest, unless half-lines and free variables of an affine F alone determine these unknowns, by a regular J. The point is solved where
+    /// this is at most the tolerance.
     pub error: f64,
     /// Iterations, over all starts.
     pub iterations: usize,

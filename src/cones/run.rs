@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 
 use super::equations::{Map, Part, mixed, owners, parts};
-use super::judge::Size;
 use super::ray::{Search, ray};
 use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus, ConeStrategy};
 use crate::clock::Deadline;
@@ -50,7 +49,10 @@ pub(super) struct Run<'a> {
     pub(super) owner: Vec<usize>,
     /// The block of each part: those that entries of ∇F connect.
     pub(super) block: Vec<usize>,
-    pub(super) blocks: Vec<Size>,
+    /// The largest |x| of each block.
+    pub(super) blocks: Vec<f64>,
+    /// The error of each part.
+    pub(super) errors: Vec<f64>,
     pub(super) x: Vec<f64>,
     pub(super) f: Vec<f64>,
     pub(super) phi: Vec<f64>,
@@ -124,7 +126,8 @@ impl<'a> Run<'a> {
             }
         });
         Ok(Self {
-            blocks: vec![Default::default(); parts.len()],
+            blocks: vec![0.0; parts.len()],
+            errors: vec![0.0; parts.len()],
             block,
             centre: vec![0.0; n],
             weight: 0.0,

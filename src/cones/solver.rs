@@ -4,10 +4,10 @@ use std::ops::ControlFlow;
 use super::equations::check_memory;
 use super::ray::{Search, ray};
 use super::run::{Run, between};
-use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus};
+use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay, ConeReport, ConeStatus};
 use crate::clock::Deadline;
 use crate::complementarity::{AffineFunction, McpFunction};
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{Matrix, Pattern, dot, norm};
 
 /// Semismooth Newton method for cone problems.
 ///
@@ -89,7 +89,12 @@ impl ConeSolver {
                 observe: &mut tell,
                 inner_only: false,
             };
-            report.ray = ray(&problem, &mut search, parts, x)?;
+            let found = ray(&problem, &mut search, parts, x)?;
+            problem.function().value(x, &mut room);
+            report.ray = match found {
+                Some(ray) if refutes(&ray, &room) && !ends_at_solution(&ray, &problem)? => Some(ray),
+                _ => None,
+            };
             if report.ray.is_some() {
                 report.status = ConeStatus::NoSolution;
             } else if stopped {
@@ -99,6 +104,48 @@ impl ConeSolver {
         report.evaluations = counted.evaluations.get();
         Ok(report)
     }
+}
+
+/// Part of the constant that counts as near 0 beside it.
+const HALF: f64 = 0.5;
+
+/// Whether vᵀF at the best point is what it should be for all x, −1 up to its rounding: at a solution far out it would be 0.
+fn refutes(ray: &ConeRay, f: &[f64]) -> bool {
+    ray.radius == f64::INFINITY || dot(&ray.direction, f) <= -HALF
+}
+
+/// Whether there seems to be a solution where v begins to prove nothing. The nearest point of K with vᵀF(x) = 0 is x = y/‖y‖² with the
+/// projection y of Mᵀv. Where y is rounding, F is anything there; where M is nearly singular in earnest, F(x) is nearly in K* and orthogonal
+/// to x, in the cones that v is about.
+fn ends_at_solution(ray: &ConeRay, problem: &ConeProblem<&dyn McpFunction>) -> Result<bool, ConeError> {
+    if ray.radius == f64::INFINITY {
+        return Ok(false);
+    }
+    let (n, function) = (ray.direction.len(), problem.function());
+    let (mut x, mut f, mut q) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    let mut matrix = Matrix::zeros(function.pattern());
+    function.value(&x, &mut q);
+    function.jacobian(&x, &mut matrix);
+    matrix.as_ref().mul_transpose_add(1.0, &ray.direction, &mut x);
+    problem.project(&mut x)?;
+    let size = norm(&x);
+    if size == 0.0 {
+        return Ok(false);
+    }
+    x.iter_mut().for_each(|x| *x = *x / size / size);
+    function.value(&x, &mut f);
+    for (_, range) in problem.blocks() {
+        let is_zero = |v: &[f64]| v[range.clone()].iter().all(|v| *v == 0.0);
+        if is_zero(&x) && is_zero(&ray.direction) {
+            f[range.clone()].fill(0.0);
+            q[range].fill(0.0);
+        }
+    }
+    // In units in which x is 1.
+    let product = (dot(&x, &f) * size).abs();
+    f.iter_mut().for_each(|f| *f = -*f);
+    problem.project(&mut f)?;
+    Ok(norm(&f).max(product) <= HALF * norm(&q))
 }
 
 /// F, counting its evaluations.

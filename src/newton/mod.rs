@@ -1,7 +1,6 @@
 //! The corrector: Newton's method for piecewise-smooth and semismooth equations.
 
 mod chords;
-mod convergence;
 mod enclosed;
 mod error;
 mod forcing;
@@ -16,7 +15,6 @@ mod step;
 mod system;
 mod workspace;
 
-pub(crate) use convergence::equilibrate;
 pub(crate) use enclosed::{regular_radius, step_enclosure};
 pub use error::{NewtonError, Unsolved};
 pub use forcing::{Forcing, NewtonKrylovOptions};

@@ -156,6 +156,18 @@ impl Kind {
             _ => 1,
         }
     }
+
+    /// Whether the value is undefined, whichever piece is selected.
+    fn is_undefined<T: Real>(self, pieces: &[T], tests: &[T]) -> bool {
+        let is_nan = |v: &T| v.single().is_some_and(f64::is_nan);
+        match (self, tests) {
+            (Kind::Switch, [test, ..]) => {
+                let is_infinite = |p: &T| p.single().is_some_and(|v| !v.is_finite());
+                is_nan(test) || (test.single() == Some(0.0) && pieces.iter().any(is_infinite))
+            }
+            _ => pieces.iter().any(is_nan),
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -178,6 +190,10 @@ enum Mode<'a, T> {
 }
 
 /// The kinks of a [`NonsmoothFunction`], in the order in which they are called.
+///
+/// What is undefined stays so: `max`, `min`, `abs` and `project` are NaN, with all their derivatives, where any of their operands is,
+/// whichever piece is selected. [`switch`](Self::switch) is NaN where its test is and where the formula it selects is; where its test
+/// vanishes, where either formula is not finite.
 #[derive(Debug)]
 pub struct Kinks<'a, T> {
     mode: Mode<'a, T>,
@@ -233,7 +249,11 @@ impl<'a, T: Real> Kinks<'a, T> {
                 return pieces[0].joined(&pieces, label.filter(|l| *l < LABELS));
             }
         };
-        pieces[piece.min(N - 1)]
+        let chosen = pieces[piece.min(N - 1)];
+        match kind.is_undefined(&pieces, tests) {
+            true => chosen * f64::NAN,
+            false => chosen,
+        }
     }
 
     /// max(a, b); pieces "first", "second"; test function a − b.

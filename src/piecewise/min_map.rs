@@ -125,7 +125,13 @@ impl<F: Fn(&[f64], &mut [f64], &mut [f64])> PiecewiseSmooth for MinMap<F> {
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
         let (a, b) = self.both(x);
         for i in 0..self.residuals {
-            out[i] = [a[i], b[i]][selection.piece(i).min(1)];
+            let chosen = [a[i], b[i]][selection.piece(i).min(1)];
+            // What is undefined stays so, whichever piece is selected.
+            out[i] = if a[i].is_nan() || b[i].is_nan() {
+                f64::NAN
+            } else {
+                chosen
+            };
         }
     }
 

@@ -86,6 +86,11 @@ pub trait Real:
     fn joined(self, _others: &[Self], _label: Option<usize>) -> Self {
         self
     }
+    /// The value, where it is one number: those that enclose many have none.
+    #[doc(hidden)]
+    fn single(&self) -> Option<f64> {
+        Some(self.value())
+    }
     /// The labels of a scalar that traces dependencies.
     #[doc(hidden)]
     fn labels(&self) -> [u64; 4] {
@@ -152,10 +157,11 @@ impl Real for f64 {
     fn atan2(self, other: Self) -> Self {
         f64::atan2(self, other)
     }
+    // The powers of NaN are NaN: std has 1 for the exponent 0.
     fn powi(self, n: i32) -> Self {
-        f64::powi(self, n)
+        if self.is_nan() { self } else { f64::powi(self, n) }
     }
     fn powf(self, p: f64) -> Self {
-        f64::powf(self, p)
+        if self.is_nan() { self } else { f64::powf(self, p) }
     }
 }

@@ -1,8 +1,9 @@
 //! Projection onto a polyhedron by the dual active-set method of D. Goldfarb and A. Idnani (1983) with the identity as Hessian.
 
-use super::emptiness::is_empty;
+use super::emptiness::emptiness;
 use super::{Polyhedron, VariationalError};
 use crate::exact::Exact;
+use crate::judge::Emptiness;
 use crate::sparse::{dot, max_abs, norm};
 
 /// Part of its terms below which the violation of a row is rounding.
@@ -13,10 +14,6 @@ const DEPENDENT: f64 = 1e-13;
 
 /// How often rows are checked again after the rounding errors of earlier steps have been removed.
 const LOOKS: usize = 2;
-
-/// Part of its terms below which a contradiction may come from the rounding of the data: rows that are dependent as intended, but not as
-/// stored.
-const STATED: f64 = 16.0 * f64::EPSILON;
 
 /// Part of its terms and of the points by which a constraint may be violated in the result.
 const MET: f64 = 1e-10;
@@ -30,8 +27,8 @@ const MARGIN: f64 = 1e12;
 pub enum Projection {
     /// The nearest point.
     Nearest(Nearest),
-    /// The polyhedron is empty. Constraints that contradict each other by no more than 32 rounding errors of their terms count as linearly
-    /// dependent, and do not make it empty.
+    /// The polyhedron is empty, even if each of its constants were to move by 2⁻⁵³ of itself (zeros and integers stay as they are): what
+    /// contradicts itself by less, as 0.1 + 0.2 = 0.3 does, was meant to have a point.
     Empty(Infeasibility),
 }
 
@@ -44,6 +41,9 @@ pub struct Nearest {
     pub x: Vec<f64>,
     /// Multipliers; those of constraints that are not active are 0.
     pub multipliers: Multipliers,
+    /// Whether C is empty as stored, by exact arithmetic, but not if its constants move by 2⁻⁵³ of themselves: the point is one of these
+    /// sets.
+    pub within_rounding: bool,
 }
 
 /// Multipliers of the constraints of a [`Polyhedron`].
@@ -139,6 +139,8 @@ struct Solver<'a> {
     is_active: Vec<bool>,
     /// Rows that are linearly dependent on the active ones and satisfied up to rounding.
     skipped: Vec<bool>,
+    /// Whether some of them contradict the others as stored, but not with moved constants.
+    within_rounding: bool,
 }
 
 enum Added {
@@ -172,10 +174,11 @@ pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, Variati
         match solver.add(p, &mut steps, limit)? {
             Added::Yes | Added::Redundant => {}
             Added::Empty(multipliers) => {
-                return match solver.confirmed(multipliers) {
-                    Some(certificate) => Ok(Projection::Empty(certificate)),
-                    None => Err(VariationalError::Unresolved { steps, row: p }),
-                };
+                if let Some(certificate) = solver.confirmed(multipliers) {
+                    return Ok(Projection::Empty(certificate));
+                }
+                // Whether it holds nevertheless is measured at the end.
+                solver.skipped[p] = true;
             }
         }
     }
@@ -217,6 +220,7 @@ impl<'a> Solver<'a> {
             r: Vec::new(),
             active: Vec::new(),
             u: Vec::new(),
+            within_rounding: false,
         }
     }
 
@@ -287,11 +291,14 @@ impl<'a> Solver<'a> {
     }
 
     /// The certificate with multipliers that are right up to rounding, if the set is empty in exact arithmetic, or else by a wide margin.
-    fn confirmed(&self, multipliers: Multipliers) -> Option<Infeasibility> {
+    fn confirmed(&mut self, multipliers: Multipliers) -> Option<Infeasibility> {
         let mut certificate = Infeasibility::of(self.set, multipliers)?;
-        match is_empty(self.set, &certificate.multipliers) {
-            Some(true) => certificate.radius = f64::INFINITY,
-            Some(false) => return None,
+        match emptiness(self.set, &certificate.multipliers) {
+            Some(Emptiness::Empty) => certificate.radius = f64::INFINITY,
+            Some(found) => {
+                self.within_rounding |= found == Emptiness::WithinRounding;
+                return None;
+            }
             None => {
                 let size = (0..self.kinds.len())
                     .filter(|&p| self.norms[p] > 0.0)
@@ -304,21 +311,15 @@ impl<'a> Solver<'a> {
         Some(certificate)
     }
 
-    /// Whether constraints contradict each other by more than the rounding of their numbers.
-    fn contradict(&self, multipliers: &Multipliers) -> bool {
+    /// Whether constraints contradict each other however their constants were rounded. Exact arithmetic decides where the constants, moved,
+    /// do not make up for the contradiction.
+    fn contradict(&mut self, multipliers: &Multipliers) -> bool {
         let Some(certificate) = Infeasibility::of(self.set, multipliers.clone()) else {
             return false;
         };
-        let terms = |right: &[f64], factors: &[f64]| -> f64 {
-            let used = right.iter().zip(factors).filter(|p| *p.1 != 0.0);
-            used.map(|(r, f)| (r * f).abs()).sum()
-        };
-        let (set, m) = (self.set, multipliers);
-        let size = terms(&set.a.right, &m.inequalities)
-            + terms(&set.e.right, &m.equations)
-            + terms(&set.lower, &m.lower)
-            + terms(&set.upper, &m.upper);
-        -certificate.value > STATED * size && is_empty(set, multipliers) == Some(true)
+        let found = emptiness(self.set, multipliers);
+        self.within_rounding |= found == Some(Emptiness::WithinRounding);
+        found == Some(Emptiness::Empty) && certificate.value < 0.0
     }
 
     fn no_multipliers(&self) -> Multipliers {
@@ -525,6 +526,7 @@ impl<'a> Solver<'a> {
         });
         Nearest {
             multipliers: self.multipliers(coefficients),
+            within_rounding: self.within_rounding,
             x: self.y,
         }
     }

@@ -60,6 +60,9 @@ pub struct ViReport {
     pub residual: f64,
     /// λ, μ and, from F(x) + Aᵀλ + Eᵀμ = ρₗ − ρᵤ, the multipliers of the bounds.
     pub multipliers: Multipliers,
+    /// Whether C is empty as stored, but not if its constants move by 2⁻⁵³ of themselves
+    /// ([`Nearest::within_rounding`](super::Nearest::within_rounding)): x belongs to these.
+    pub within_rounding: bool,
     /// The proof that C is empty.
     pub infeasibility: Option<Infeasibility>,
     /// The proof that there is no solution.
@@ -149,12 +152,16 @@ impl ViSolver {
             status: ViStatus::EmptySet,
             residual: f64::NAN,
             multipliers: Multipliers::default(),
+            within_rounding: false,
             infeasibility: None,
             ray: None,
             mcp: McpReport::default(),
         };
         match set.project(x)? {
-            Projection::Nearest(nearest) => x.copy_from_slice(&nearest.x),
+            Projection::Nearest(nearest) => {
+                x.copy_from_slice(&nearest.x);
+                report.within_rounding = nearest.within_rounding;
+            }
             Projection::Empty(certificate) => {
                 report.infeasibility = Some(certificate);
                 return Ok(report);

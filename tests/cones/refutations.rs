@@ -234,3 +234,50 @@ fn strongly_infeasible_programs_are_refuted() {
         }
     }
 }
+
+/// Equations that contradict each other, and a cone that they leave: x₀ − x₁ = −1, x₂ = 1 with x₀ ≥ ‖(x₁, x₂)‖.
+#[test]
+fn points_far_out_solve_no_contradiction() {
+    let rows = [[1.0, -1.0, 1.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let matrix = Matrix::from_rows(&rows).unwrap();
+    let equations = AffineFunction::new(matrix, vec![-2.0, -1.0, -1.0]).unwrap();
+    let skew = [
+        (3, 0, 1.0),
+        (3, 1, -1.0),
+        (0, 3, -1.0),
+        (1, 3, 1.0),
+        (4, 2, 1.0),
+        (2, 4, -1.0),
+    ];
+    let matrix = Matrix::from_triplets(5, 5, &skew).unwrap();
+    let cone = AffineFunction::new(matrix, vec![0.0, 0.0, 0.0, 1.0, -1.0]).unwrap();
+    for (function, cones) in [
+        (equations, vec![Cone::Free(3)]),
+        (cone, vec![Cone::SecondOrder(3), Cone::Free(2)]),
+    ] {
+        let n = function.q().len();
+        let problem = ConeProblem::new(function, cones).unwrap();
+        for start in [0.0, 1.0, 1e8] {
+            let mut x = vec![start; n];
+            let options = ConeOptions::default().with_restarts(0).with_max_iterations(400);
+            let report = ConeSolver::new(options).solve(&problem, &mut x).unwrap();
+            assert_ne!(report.status, ConeStatus::Solved, "{start:e}: {x:?}");
+        }
+    }
+}
+
+/// M = (a, b; b, a) with a, b = (1 ± d)/2 is regular, so that there is a solution, 1/d far out; where d is not above rounding nothing is
+/// claimed that a point contradicts.
+#[test]
+fn what_has_a_solution_is_not_refuted() {
+    for d in [1e-2, 1e-8, 1e-12, 1e-14, 1e-15] {
+        let (a, b) = (0.5 + 0.5 * d, 0.5 - 0.5 * d);
+        let matrix = Matrix::from_rows(&[[a, b], [b, a]]).unwrap();
+        let function = AffineFunction::new(matrix, vec![-0.5, 0.5]).unwrap();
+        let problem = ConeProblem::new(function, vec![Cone::SecondOrder(2)]).unwrap();
+        let mut x = [0.0; 2];
+        let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+        let is_claimed = report.status == ConeStatus::NoSolution;
+        assert!(!is_claimed, "{d:e} {x:?} {:?}", report.ray);
+    }
+}

@@ -760,3 +760,74 @@ fn runs_can_be_stopped() {
     assert_eq!(report.r, zero);
     assert_eq!(solve(&p), solve(&p));
 }
+
+/// Whatever the coefficients of friction are, a solution has u_N ≥ 0 and r_N u_N = 0, each to its own terms: a large μ hides neither.
+#[test]
+fn no_velocity_into_the_ground_is_a_solution() {
+    let mut random = Random::new(17);
+    let (mut solved, mut huge) = (0, 0);
+    for case in 0..400 {
+        let nc = 1 + random.below(3);
+        let n = 2 * nc;
+        let rank = random.below(n + 1);
+        let factor: Vec<Vec<f64>> = (0..rank)
+            .map(|_| (0..n).map(|_| random.below(7) as f64 - 3.0).collect())
+            .collect();
+        let entry = |i: usize, j: usize| factor.iter().map(|f| f[i] * f[j]).sum::<f64>();
+        let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
+        let q: Vec<f64> = (0..n).map(|_| random.below(11) as f64 - 5.0).collect();
+        let mu: Vec<f64> = (0..nc)
+            .map(|_| 10_f64.powi(random.below(13) as i32 - 1))
+            .collect();
+        let problem =
+            DelassusProblem::new(2, Matrix::from_rows(&rows).unwrap(), q.clone(), mu.clone()).unwrap();
+        let options = DelassusOptions::default()
+            .with_max_factorisations(300)
+            .with_max_sweeps(300);
+        let report = DelassusSolver::new(options).solve(&problem).unwrap();
+        if report.status != DelassusStatus::Solved {
+            continue;
+        }
+        solved += 1;
+        huge += usize::from(mu.iter().any(|mu| *mu > 1e5));
+        let r = &report.r;
+        for c in 0..nc {
+            let i = 2 * c;
+            let terms = q[i].abs() + (0..n).map(|j| (rows[i][j] * r[j]).abs()).sum::<f64>();
+            let u = q[i] + (0..n).map(|j| rows[i][j] * r[j]).sum::<f64>();
+            assert!(
+                u >= -1e-11 * terms,
+                "case {case}: u_N = {u:e} of {terms:e}, mu {mu:?}"
+            );
+            assert!(
+                r[i] >= 0.0 && r[i + 1].abs() <= mu[c] * r[i] * (1.0 + 1e-9) + 1e-300,
+                "case {case}: {r:?}"
+            );
+        }
+    }
+    assert!(solved > 100 && huge > 50, "{solved} {huge}");
+}
+
+/// Two problems without a solution: the second contact is pulled into the ground by the first, and nothing resists.
+#[test]
+fn large_coefficients_do_not_solve_what_has_no_solution() {
+    let rows = [[1.0, 0.0, -3.0, 0.0], [0.0; 4], [-3.0, 0.0, 9.0, 0.0], [0.0; 4]];
+    for mu in [1.0, 1e3, 1e6, 1e9, 1e12] {
+        let coupled = DelassusProblem::new(
+            2,
+            Matrix::from_rows(&rows).unwrap(),
+            vec![-4.0, 4.0, 3.0, -1.0],
+            vec![1.0, mu],
+        )
+        .unwrap();
+        let zero = Matrix::from_triplets(2, 2, &[]).unwrap();
+        let alone = DelassusProblem::new(2, zero, vec![-1.0, -1.0], vec![mu]).unwrap();
+        for problem in [coupled, alone] {
+            let options = DelassusOptions::default()
+                .with_max_factorisations(300)
+                .with_max_sweeps(300);
+            let report = DelassusSolver::new(options).solve(&problem).unwrap();
+            assert_ne!(report.status, DelassusStatus::Solved, "{mu:e}: {:?}", report.r);
+        }
+    }
+}

@@ -195,3 +195,51 @@ fn large_systems_are_those_of_the_free_components() {
         assert!(report.iterations <= 12, "{}", report.iterations);
     }
 }
+
+/// Non-negative least squares, AᵀA z ≥ Aᵀb, of 20 equations in 30 unknowns, in other units of A and b: by powers of two the run is the same
+/// to the last bit, by powers of ten it ends with the same status at the same objective.
+#[test]
+fn least_squares_do_not_depend_on_units() {
+    for seed in 1..4 {
+        let mut rng = Random::new(seed);
+        let (rows, n) = (20, 30);
+        let a: Vec<Vec<f64>> = (0..rows)
+            .map(|_| (0..n).map(|_| rng.symmetric()).collect())
+            .collect();
+        let b: Vec<f64> = (0..rows).map(|_| rng.symmetric()).collect();
+        let run = |sa: f64, sb: f64| {
+            let dot = |i: usize, j: usize| (0..rows).map(|k| a[k][i] * a[k][j]).sum::<f64>();
+            let m: Vec<Vec<f64>> = (0..n)
+                .map(|i| (0..n).map(|j| sa * sa * dot(i, j)).collect())
+                .collect();
+            let q = (0..n)
+                .map(|i| -sa * sb * (0..rows).map(|k| a[k][i] * b[k]).sum::<f64>())
+                .collect();
+            let lcp = Lcp::new(matrix(&m), q).unwrap();
+            let mut z = vec![0.0; n];
+            let report = McpSolver::default().solve(lcp.mcp(), &mut z).unwrap().clone();
+            z.iter_mut().for_each(|z| *z *= sa / sb);
+            let left = (0..rows).map(|k| (0..n).map(|j| a[k][j] * z[j]).sum::<f64>() - b[k]);
+            let objective = left.map(|r| r * r).sum::<f64>().sqrt();
+            (z, objective, report)
+        };
+        let (plain, best, first) = run(1.0, 1.0);
+        assert!(first.is_solved(), "{:?}", first.status);
+        for (sa, sb) in [(1, 40), (-70, -27), (-35, 12), (20, -90)] {
+            let (z, _, report) = run(2.0_f64.powi(sa), 2.0_f64.powi(sb));
+            assert_eq!(
+                (z, &report.history),
+                (plain.clone(), &first.history),
+                "2^{sa}, 2^{sb}"
+            );
+        }
+        for (sa, sb) in [(0, 12), (-21, -8), (-21, -30), (9, -12)] {
+            let (_, objective, report) = run(10.0_f64.powi(sa), 10.0_f64.powi(sb));
+            assert!(report.is_solved(), "1e{sa}, 1e{sb}: {:?}", report.status);
+            assert!(
+                (objective - best).abs() <= 1e-9 * best,
+                "1e{sa}, 1e{sb}: {objective} {best}"
+            );
+        }
+    }
+}

@@ -17,5 +17,6 @@ mod parametric;
 mod properties;
 mod regularity;
 mod reports;
+mod singular;
 mod strategies;
 mod support;

@@ -335,19 +335,20 @@ fn large_units_of_a_row_cost_no_iterations() {
     }
 }
 
-/// M = 2, q = −1: from 3 each component is at its bound for the natural map, and at the solution ½ none is.
+/// M = 3/2, q = −3/2, which are units of their own: from 4 each component is at its bound for the natural map, and at the solution 1 none
+/// is.
 #[test]
 fn changes_of_pieces_are_counted() {
     let n = 5;
     let rows: Vec<Vec<f64>> = (0..n)
-        .map(|i| (0..n).map(|j| 2.0 * f64::from(u8::from(i == j))).collect())
+        .map(|i| (0..n).map(|j| 1.5 * f64::from(u8::from(i == j))).collect())
         .collect();
-    let problem = Mcp::affine(matrix(&rows), vec![-1.0; n], vec![0.0; n], vec![INF; n]).unwrap();
-    for (start, changes) in [(3.0, n), (0.25, 0)] {
+    let problem = Mcp::affine(matrix(&rows), vec![-1.5; n], vec![0.0; n], vec![INF; n]).unwrap();
+    for (start, changes) in [(4.0, n), (0.25, 0)] {
         let mut x = vec![start; n];
         let mut solver = only(&[Newton]);
         let report = solver.solve(&problem, &mut x).unwrap();
-        assert!(report.is_solved() && x.iter().all(|x| *x == 0.5));
+        assert!(report.is_solved() && x.iter().all(|x| *x == 1.0));
         let counted: usize = report.history.iter().map(|i| i.sites_changed).sum();
         assert_eq!(counted, changes, "from {start}");
     }

@@ -542,3 +542,100 @@ fn derivatives_at_borders_of_domains_and_far_out_are_limits() {
         }
     }
 }
+
+/// One kink of each kind over (x, y), with ln x among its operands, and powers with the exponent 0.
+struct Undefined;
+
+impl NonsmoothFunction for Undefined {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        9
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        let (log, y) = (x[0].ln(), x[1]);
+        out[0] = kinks.max(log, y);
+        out[1] = kinks.max(y, log);
+        out[2] = kinks.min(log, y);
+        out[3] = kinks.min(y, log);
+        out[4] = kinks.abs(log);
+        out[5] = kinks.project(T::from(-1.0), log, T::from(1.0));
+        out[6] = kinks.project(T::from(-1.0), y, log + 100.0);
+        out[7] = log.powi(0);
+        out[8] = log.powf(0.0);
+    }
+}
+
+#[test]
+fn kinks_with_an_undefined_operand_are_undefined_in_every_selection() {
+    let map = Traced::new(Undefined);
+    let mut out = vec![0.0; 9];
+    for y in [-3.0, 0.0, 5.0] {
+        value(&map, &[-1.0, y], &mut out);
+        assert!(out.iter().all(|v| v.is_nan()), "{out:?}");
+        for piece in 0..3 {
+            let pieces = (0..map.num_sites()).map(|s| piece % map.num_pieces(s));
+            map.residual(&Selection::from_pieces(pieces), &[-1.0, y], &mut out);
+            assert!(out.iter().all(|v| v.is_nan()), "{piece}: {out:?}");
+        }
+        value(&map, &[2.0, y], &mut out);
+        assert!(out.iter().all(|v| v.is_finite()), "{out:?}");
+    }
+}
+
+/// x² for x ≥ 0 beside 1 and ln x for x < 0: the other formula counts where the test vanishes only.
+struct Chosen;
+
+impl NonsmoothFunction for Chosen {
+    fn num_vars(&self) -> usize {
+        1
+    }
+    fn num_residuals(&self) -> usize {
+        2
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        out[0] = kinks.switch(x[0] - 1.0, x[0] * x[0], (-x[0]).ln());
+        out[1] = kinks.switch((-x[0]).ln(), x[0], x[0]);
+    }
+}
+
+#[test]
+fn a_switch_is_as_defined_as_its_test_and_the_formula_it_selects() {
+    let map = Traced::new(Chosen);
+    let at = |x: f64| {
+        let mut out = [0.0; 2];
+        value(&map, &[x], &mut out);
+        out.map(f64::is_nan)
+    };
+    assert_eq!(at(2.0), [false, true]);
+    assert_eq!(at(0.5), [true, true]);
+    assert_eq!(at(1.0), [true, true]);
+    assert_eq!(at(-0.5), [false, false]);
+}
+
+/// xⁿ has the derivative n xⁿ⁻¹ as long as that is a number.
+#[test]
+fn derivatives_of_powers_are_right_at_extremes() {
+    struct Powers;
+    impl NonsmoothFunction for Powers {
+        fn num_vars(&self) -> usize {
+            1
+        }
+        fn num_residuals(&self) -> usize {
+            3
+        }
+        fn eval<T: Real>(&self, x: &[T], _: &mut Kinks<'_, T>, out: &mut [T]) {
+            out[0] = x[0].powi(-2);
+            out[1] = x[0].powi(-1);
+            out[2] = x[0].powi(3);
+        }
+    }
+    let map = Traced::new(Powers);
+    for (row, x, expected) in [(0, 1e-70, -2e210), (1, 1e110, -1e-220), (2, 1e-120, 3e-240)] {
+        let mut jac = Matrix::zeros(map.pattern());
+        map.jacobian(&select(&map, &[x]), &[x], &mut jac);
+        let found = jac.get(row, 0);
+        assert!((found / expected - 1.0).abs() < 1e-14, "{found:e}");
+    }
+}

@@ -585,3 +585,106 @@ fn solutions_that_differ_in_a_component_in_small_units_are_two() {
         assert_eq!(first, [-8.0, -1.0], "2^-{exponent}: {all:?}");
     }
 }
+
+/// Supplies and demands that balance in decimals do not in binary numbers: the transport is found, and said to hold within rounding.
+#[test]
+fn transport_that_balances_in_decimals_has_a_plan() {
+    for d in [
+        [0.4, 0.8, 0.8, 0.0, 2.0],
+        [0.4, 0.8, 0.8, 0.1, 1.9],
+        [0.1, 0.2, 0.3, 0.3, 0.3],
+        [0.1, 0.7, 0.7, 0.8, 0.7],
+    ] {
+        let mut rows = vec![vec![0.0; 6]; 5];
+        for (i, j) in (0..3).flat_map(|i| [(i, 0), (i, 1)]) {
+            rows[i][2 * i + j] = 1.0;
+            rows[3 + j][2 * i + j] = 1.0;
+        }
+        let set = Polyhedron::boxed(vec![0.0; 6], vec![INF; 6]).unwrap();
+        let set = set.with_equations(matrix(&rows, 6), d.to_vec()).unwrap();
+        let plan = AffineFunction::new(Matrix::identity(6), vec![0.0; 6]).unwrap();
+        let mut x = [0.0; 6];
+        let report = ViSolver::default()
+            .solve(&Vi::new(plan, set).unwrap(), &mut x)
+            .unwrap();
+        assert_eq!(report.status, ViStatus::Solved, "{d:?}");
+        for (row, d) in rows.iter().zip(d) {
+            let sum: f64 = row.iter().zip(&x).map(|(a, x)| a * x).sum();
+            assert!(
+                (sum - d).abs() < 1e-12 && x.iter().all(|x| *x >= 0.0),
+                "{d:?} {x:?}"
+            );
+        }
+    }
+}
+
+/// 0.1 + 0.2 = 0.3 is meant, although no binary numbers are so; x ≤ 0 with x ≥ 1e-15 is not, nor is a sum of integers that is wrong.
+#[test]
+fn only_constants_that_may_have_been_rounded_give_way() {
+    let sum = |right: [f64; 3]| {
+        let rows = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]].map(Vec::from);
+        Polyhedron::boxed(vec![-INF; 2], vec![INF; 2])
+            .unwrap()
+            .with_equations(matrix(&rows, 2), right.to_vec())
+            .unwrap()
+    };
+    for (right, within_rounding) in [
+        ([0.1, 0.2, 0.3], true),
+        ([0.5, 0.25, 0.75], false),
+        ([1.0, 2.0, 3.0], false),
+    ] {
+        match sum(right).project(&[0.0, 0.0]).unwrap() {
+            Projection::Nearest(found) => assert_eq!(found.within_rounding, within_rounding, "{right:?}"),
+            empty => panic!("{right:?} {empty:?}"),
+        }
+    }
+    let least = f64::EPSILON;
+    for right in [
+        [1.0, 2.0, 3.0 + 4.0 * least],
+        [0.5, 0.25, 0.75 + 4.0 * least],
+        [0.1, 0.2, 0.3 - 4.0 * least],
+    ] {
+        assert!(
+            matches!(sum(right).project(&[0.0, 0.0]).unwrap(), Projection::Empty(_)),
+            "{right:?}"
+        );
+    }
+    // A violation by 32 ε of its terms, here 3 + 3, is rounding to a projection.
+    for (lower, upper) in [(1e-15, 0.0), (3.0 + 256.0 * least, 3.0)] {
+        let rows = matrix(&[vec![1.0]], 1);
+        let set = Polyhedron::boxed(vec![lower], vec![INF])
+            .unwrap()
+            .with_inequalities(rows, vec![upper])
+            .unwrap();
+        match set.project(&[0.3]).unwrap() {
+            Projection::Empty(proof) => assert!(proof.value < 0.0 && proof.radius == INF),
+            found => panic!("{lower:e} {upper:e} {found:?}"),
+        }
+    }
+}
+
+/// The same problem without a solution in other units, by powers of two and of ten.
+#[test]
+fn a_problem_without_a_solution_has_none_in_other_units() {
+    let rows = [[0.0, -3.0, 1.0], [0.0, 0.0, 1.0], [0.0, -3.0, 3.0]];
+    for unit in [1.0, 2.0_f64.powi(-20), 1e-6, 1e6, 1e-12] {
+        let m: Vec<Vec<f64>> = rows
+            .iter()
+            .map(|r| r.iter().map(|v| v * unit).collect())
+            .collect();
+        let f = AffineFunction::new(
+            Matrix::from_rows(&m).unwrap(),
+            [4.0, 3.0, 0.0].map(|q| q * unit).to_vec(),
+        )
+        .unwrap();
+        let set = Polyhedron::boxed(vec![-INF; 3], vec![INF; 3]).unwrap();
+        let set = set
+            .with_inequalities(matrix(&[vec![-4.0, 0.0, -4.0]], 3), vec![-2.0])
+            .unwrap();
+        let mut x = [0.0; 3];
+        let report = ViSolver::default()
+            .solve(&Vi::new(f, set).unwrap(), &mut x)
+            .unwrap();
+        assert!(!report.is_solved(), "{unit:e} {x:?}");
+    }
+}

@@ -207,6 +207,19 @@ impl Graph {
         }
     }
 
+    /// Whether the sides of an inequality that decides a test are equal, so that the test changes beside this point. What is tested for
+    /// equality is defined at this point alone.
+    fn switches(&self, test: NodeId, values: &[f64]) -> bool {
+        match self.nodes[test as usize] {
+            Node::Unary(Unary::Not, a) => self.switches(a, values),
+            Node::Binary(Binary::And | Binary::Or, a, b) => self.switches(a, values) || self.switches(b, values),
+            Node::Binary(Binary::Below | Binary::AtMost | Binary::AtLeast | Binary::Above, a, b) => {
+                values[a as usize] == values[b as usize]
+            }
+            _ => false,
+        }
+    }
+
     /// The value of an expression, after [`set_variables`](Self::set_variables).
     pub fn evaluate(&self, expression: &Expression, values: &mut [f64]) -> f64 {
         for id in expression.nodes.clone() {
@@ -221,6 +234,7 @@ impl Graph {
                 Node::Binary(op, a, b) => op.value(v(a), v(b)),
                 Node::If(test, a, b) => match v(test) {
                     t if t.is_nan() => f64::NAN,
+                    _ if !(v(a).is_finite() && v(b).is_finite()) && self.switches(test, values) => f64::NAN,
                     0.0 => v(b),
                     _ => v(a),
                 },

@@ -1,11 +1,12 @@
 use std::ops::ControlFlow;
 
 use super::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Exchange, Start};
-use crate::complementarity::accuracy::{Accuracy, LARGEST, Point, drop_rounding, unit};
+use crate::complementarity::accuracy::{LARGEST, drop_rounding, point, unit};
 use crate::complementarity::blocks::Blocks;
-use crate::complementarity::columns::{BoxLcp, Columns};
+use crate::complementarity::columns::BoxLcp;
 use crate::complementarity::problem::natural;
 use crate::complementarity::{BoundState, ComplementarityError};
+use crate::judge::{Columns, Judge};
 use crate::linear::{LinearError, Scaling};
 
 /// Relative accuracy asked of iterative solves while the sets still change much.
@@ -54,7 +55,9 @@ pub(super) struct Engine {
     units: Vec<f64>,
     /// Largest |z| of each block, in these units.
     sizes: Vec<f64>,
-    accuracy: Accuracy,
+    /// The same for each unknown, in its unit.
+    spread: Vec<f64>,
+    judge: Judge,
     w: Vec<f64>,
     r: Vec<f64>,
     step: Vec<f64>,
@@ -97,7 +100,8 @@ impl Engine {
             balance: Scaling::default(),
             units: Vec::new(),
             sizes: Vec::new(),
-            accuracy: Accuracy::default(),
+            spread: Vec::new(),
+            judge: Judge::default(),
             w: Vec::new(),
             r: Vec::new(),
             step: Vec::new(),
@@ -531,10 +535,9 @@ impl Engine {
 
     /// Whether z, with w = M z + q already computed, is a solution; see [`ActiveSetOptions::tolerance`].
     fn is_solution(&mut self, lcp: BoxLcp<'_>, direct: bool, z: &[f64]) -> bool {
-        let mut point = Point::of(lcp, z, &self.w);
-        point.blocks = Some(&self.blocks);
+        let mut point = point(lcp, z, &self.w);
         let tolerance = self.options.tolerance;
-        if self.accuracy.measure(&point).is_solved(tolerance) {
+        if self.judge.verdict(&point, tolerance).is_solved(tolerance) {
             return true;
         }
         // Direct solves are accurate row by row, iterative ones relative to a whole block.
@@ -542,8 +545,11 @@ impl Engine {
             return false;
         }
         (self.blocks).largest(in_units(z, &self.units), &mut self.sizes);
-        point.sizes = Some((&self.sizes, &self.units));
-        self.accuracy.measure(&point).is_solved(tolerance)
+        let size = |j: usize| self.sizes[self.blocks.of(j)] * unit(&self.units, j);
+        self.spread.clear();
+        self.spread.extend((0..z.len()).map(size));
+        point.sizes = Some(&self.spread);
+        self.judge.verdict(&point, tolerance).is_solved(tolerance)
     }
 
     /// Whether z without its rounding is a solution; otherwise z stays as it is.

@@ -6,10 +6,11 @@ use super::engine::Engine;
 use super::{
     ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, MultigridReduced, Start,
 };
-use crate::complementarity::columns::{BoxLcp, Columns};
+use crate::complementarity::columns::BoxLcp;
 use crate::complementarity::error::check_finite;
 use crate::complementarity::problem::check_bounds;
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};
+use crate::judge::Columns;
 use crate::linear::{LinearError, Prolongation, Rows, affine_prolongation, coarse_problem};
 
 /// Tolerance on coarser levels, whose solutions are starts only.

@@ -9,9 +9,9 @@ use ratio::Block;
 
 use super::basis::Basis;
 use super::{LemkeOptions, LemkePivot, LemkeReport, LemkeStatus};
-use crate::complementarity::accuracy::Accuracy;
 use crate::complementarity::columns::BoxLcp;
 use crate::complementarity::{ComplementarityError, Lcp};
+use crate::judge::Judge;
 use crate::linear::LinearError;
 use crate::piecewise::is_ordinary;
 use crate::spread::golden;
@@ -120,7 +120,7 @@ pub struct Lemke {
     columns: Vec<f64>,
     /// Values of M, its rows multiplied by `units` and its columns by `columns`.
     scaled: Vec<f64>,
-    accuracy: Accuracy,
+    judge: Judge,
     /// Distances to bounds up to this one are rounding.
     zero: f64,
     tied: Vec<usize>,

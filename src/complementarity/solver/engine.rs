@@ -7,9 +7,9 @@ use super::work::Work;
 use super::{McpIteration, McpOptions, McpReport, McpStatus, McpStep, McpStrategy, Parts};
 use crate::clock::Clock;
 use crate::complementarity::McpFunction;
-use crate::complementarity::accuracy::Measure;
 use crate::complementarity::fischer::{Gap, component};
 use crate::complementarity::problem::natural;
+use crate::judge::Verdict;
 use crate::sparse::max_abs;
 
 /// Iterates beyond this size, relative to the start, count as tending to infinity.
@@ -54,6 +54,13 @@ impl<'a> Engine<'a> {
         observe: &'a mut dyn FnMut(&McpIteration) -> ControlFlow<()>,
         clock: Clock,
     ) -> Self {
+        let affine = problem.function.is_affine();
+        work.constants.clear();
+        if affine {
+            work.constants.resize(work.n, 0.0);
+            work.trial.x.fill(0.0);
+            problem.function.value(&work.trial.x, &mut work.constants);
+        }
         Engine {
             function: problem.function,
             lower: problem.lower,
@@ -65,7 +72,7 @@ impl<'a> Engine<'a> {
             observe,
             clock,
             strategy: options.strategies[0],
-            affine: problem.function.is_affine(),
+            affine,
             best: f64::INFINITY,
             attempt_best: f64::INFINITY,
             least_error: f64::INFINITY,
@@ -300,9 +307,9 @@ impl Engine<'_> {
         }
     }
 
-    pub(super) fn note_nearest(&mut self, measure: Measure) {
-        if measure.error < self.least_error && !measure.flat && self.is_inside() {
-            self.least_error = measure.error;
+    pub(super) fn note_nearest(&mut self, verdict: Verdict) {
+        if verdict.error < self.least_error && !verdict.flat && self.is_inside() {
+            self.least_error = verdict.error;
             let w = &mut *self.work;
             w.seen.nearest.copy_from_slice(&w.here.x);
         }

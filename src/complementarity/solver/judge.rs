@@ -3,37 +3,61 @@
 use super::McpStatus;
 use super::engine::Engine;
 use super::plan::Plan;
-use crate::complementarity::accuracy::{Measure, Point};
-use crate::complementarity::columns::Columns;
 use crate::complementarity::problem::natural;
+use crate::judge::{Columns, Point, Verdict};
 use crate::sparse::max_abs;
 
 /// Distance to zero or to a bound, relative to 1 + ‖x‖, that is treated as rounding error: the point without it is tried as a solution.
 const ROUND_OFF: f64 = 1e-8;
 
 impl Engine<'_> {
-    /// The accuracy of `work.here.x`, where F and ∇F have just been evaluated.
-    pub(super) fn measure(&mut self) -> Measure {
+    /// The verdict on `work.here.x`, where F and ∇F have just been evaluated.
+    pub(super) fn measure(&mut self, tolerance: f64) -> Verdict {
         let w = &mut *self.work;
-        let measure = w.accuracy.measure(&Point {
+        let point = Point {
             x: &w.here.x,
             f: &w.here.f,
             jac: Columns::Long(w.lin.jac().as_ref()),
-            rest: None,
-            blocks: None,
+            rest: self.affine.then_some(w.constants.as_slice()),
+            start: &w.start,
+            typical: &[],
             sizes: None,
             lower: self.lower,
             upper: self.upper,
-        });
-        self.report.error = measure.error;
-        measure
+        };
+        let verdict = w
+            .judge
+            .verdict_with(&point, tolerance, tolerance.min(self.options.tolerance));
+        self.report.error = verdict.error;
+        verdict
     }
 
-    /// Whether the measured point, where F and ∇F have just been evaluated, is a solution. Where iterates of a curved F went to infinity, a
-    /// flat row is one that has underflowed; near a singularity terms are large at x only.
-    pub(super) fn accepts(&mut self, measure: Measure, tolerance: f64) -> bool {
-        measure.is_solved(tolerance)
-            && (self.affine || !(measure.flat && self.asymptotic) && self.terms_last(2.0 * measure.error))
+    /// Whether the judged point, where F and ∇F have just been evaluated, is a solution. Where iterates of a curved F went to infinity, a
+    /// flat row is one that has underflowed; near a singularity terms are large at x only; and far out only straight rows are determined
+    /// by a regular ∇F. What is hidden has to be within the tolerance of the options even where a larger error is acceptable.
+    pub(super) fn accepts(&mut self, verdict: Verdict, tolerance: f64) -> bool {
+        verdict.is_solved(tolerance)
+            && verdict.hidden <= self.options.tolerance
+            && (self.affine
+                || !(verdict.flat && self.asymptotic)
+                    && self.terms_last(2.0 * verdict.error)
+                    && !(verdict.needs_straight(tolerance) && !self.is_straight()))
+    }
+
+    /// Whether the rows that have to be straight have the same derivatives at the start, or, from there, a little inside.
+    fn is_straight(&mut self) -> bool {
+        /// Where the point is the start, part of x by which the other point differs.
+        const BESIDE: f64 = 1.0 / 1024.0;
+        let bounds = self.lower.iter().zip(self.upper);
+        let w = &mut *self.work;
+        let moved = w.start != w.here.x;
+        let inside = |((&s, &x), (&l, &u)): ((&f64, &f64), (&f64, &f64))| match moved {
+            true => s,
+            false => (x - BESIDE * x).max(l).min(u),
+        };
+        let there = w.start.iter().zip(&w.here.x).zip(bounds).map(inside);
+        self.report.jacobians += 1;
+        w.lin.is_same_at(self.function, there, w.judge.distant_rows())
     }
 
     /// Whether the terms of rows that count as solved only by the size of their terms stay the same, up to a factor of two, when the
@@ -63,11 +87,11 @@ impl Engine<'_> {
     /// Whether `work.here.x` is a solution that need not be improved: where the natural residual is still above the tolerance further steps
     /// are worthwhile.
     pub(super) fn is_solution(&mut self, residual: f64) -> bool {
-        let measure = self.measure();
-        self.note_nearest(measure);
-        self.open = measure.is_open();
-        self.accepts(measure, self.options.tolerance)
-            && (residual <= self.options.tolerance || measure.is_rounding())
+        let verdict = self.measure(self.options.tolerance);
+        self.note_nearest(verdict);
+        self.open = verdict.is_open();
+        self.accepts(verdict, self.options.tolerance)
+            && (residual <= self.options.tolerance || verdict.is_rounding())
     }
 
     /// Moves `work.here.x` into the bounds and evaluates F and ∇F there; `false` where they are not finite.
@@ -132,8 +156,8 @@ impl Engine<'_> {
     /// No step helps: a solution, a stationary point, or neither.
     pub(super) fn settle(&mut self, plan: &Plan, psi: f64) -> McpStatus {
         if plan.proximal == 0.0 && self.is_inside() {
-            let measure = self.measure();
-            if self.accepts(measure, self.options.tolerance) {
+            let verdict = self.measure(self.options.tolerance);
+            if self.accepts(verdict, self.options.tolerance) {
                 return McpStatus::Solved;
             }
             if self.round_off() {

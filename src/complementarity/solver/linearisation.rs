@@ -1,7 +1,8 @@
 //! ∇F at a point, in the units of the problem and equilibrated.
 
 use crate::complementarity::McpFunction;
-use crate::newton::equilibrate;
+use crate::judge::ROUNDING;
+use crate::judge::equilibrate;
 use crate::sparse::{Matrix, Pattern};
 
 /// Factors of rows and columns lie between this and its reciprocal, except for rows whose value of F requires more.
@@ -77,6 +78,29 @@ impl Linearisation {
             }
         }
         &self.terms
+    }
+
+    /// Whether some rows of ∇F are the same at another point, up to rounding.
+    pub(super) fn is_same_at(
+        &mut self,
+        function: &dyn McpFunction,
+        there: impl Iterator<Item = f64>,
+        rows: &[usize],
+    ) -> bool {
+        let beside = self
+            .beside
+            .get_or_insert_with(|| Matrix::zeros(self.jac.pattern().clone()));
+        self.point.iter_mut().zip(there).for_each(|(to, x)| *to = x);
+        beside.clear();
+        function.jacobian(&self.point, beside);
+        let mut pairs = self.jac.triplets().zip(beside.values());
+        // Written so that NaN differs.
+        pairs.all(|((i, _, a), b)| rows.binary_search(&i).is_err() || (a - b).abs() <= ROUNDING * a.abs())
+    }
+
+    /// ∇F, to be overwritten.
+    pub(super) fn room(&mut self) -> &mut Matrix {
+        &mut self.jac
     }
 
     /// ∇F.

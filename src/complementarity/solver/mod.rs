@@ -12,6 +12,7 @@ mod report;
 mod steps;
 mod strategies;
 mod system;
+mod units;
 mod work;
 
 use std::ops::ControlFlow;
@@ -27,6 +28,7 @@ use crate::clock::Clock;
 use crate::piecewise::{PiecewiseSmooth, RegularityOptions, regularity_report};
 use crate::sparse::Pattern;
 use engine::Engine;
+use units::{InUnits, Units};
 use work::Work;
 
 /// Solves mixed complementarity problems from any start.
@@ -195,22 +197,20 @@ impl McpSolver {
             _ => Work::new(problem.pattern)?,
         };
         self.report.clear();
-        work.start.copy_from_slice(x);
-        for (x, (lower, upper)) in work.start.iter_mut().zip(problem.lower.iter().zip(problem.upper)) {
-            *x = x.max(*lower).min(*upper);
-        }
-        let mut engine = Engine::new(
-            problem,
-            &self.options,
-            &mut work,
-            &mut self.report,
-            observe,
-            clock,
-        );
-        engine.given_active = states.is_some();
-        let status = engine.solve(states);
-        let stray = engine.work.lin.jac().stray();
-        engine.finish(status, x);
+        let mut units = std::mem::take(&mut work.units);
+        let own = match problem.function.is_affine() {
+            true => {
+                let (jac, constants) = work.scratch();
+                units.find(problem, jac, constants);
+                units.are_own()
+            }
+            false => true,
+        };
+        let stray = match own {
+            true => self.run_in_units(problem, &mut work, x, states, observe, clock),
+            false => self.run_scaled(problem, &mut units, &mut work, x, states, observe, clock),
+        };
+        work.units = units;
         self.work = Some(work);
         if let Some((row, col)) = stray {
             return Err(crate::piecewise::PiecewiseError::StrayEntry { row, col }.into());
@@ -227,7 +227,59 @@ impl McpSolver {
     }
 }
 
+impl McpSolver {
+    /// The run in units of its own.
+    #[allow(clippy::too_many_arguments)] // those of `run`, and what it has made
+    fn run_scaled(
+        &mut self,
+        problem: &Parts<'_>,
+        units: &mut Units,
+        work: &mut Work,
+        x: &mut [f64],
+        states: Option<&[BoundState]>,
+        observe: &mut dyn FnMut(&McpIteration) -> ControlFlow<()>,
+        clock: Clock,
+    ) -> Option<(usize, usize)> {
+        units.enter(x);
+        let function = InUnits::new(problem.function, units);
+        let (lower, upper) = units.bounds();
+        let scaled = Parts {
+            function: &function,
+            lower,
+            upper,
+            ..*problem
+        };
+        let stray = self.run_in_units(&scaled, work, x, states, observe, clock);
+        function.end(units);
+        units.leave(problem, x, &mut work.here.f, &mut self.report);
+        stray
+    }
+
+    /// The run; the entry of ∇F outside its pattern, if there is one.
+    fn run_in_units(
+        &mut self,
+        problem: &Parts<'_>,
+        work: &mut Work,
+        x: &mut [f64],
+        states: Option<&[BoundState]>,
+        observe: &mut dyn FnMut(&McpIteration) -> ControlFlow<()>,
+        clock: Clock,
+    ) -> Option<(usize, usize)> {
+        work.start.copy_from_slice(x);
+        for (x, (lower, upper)) in work.start.iter_mut().zip(problem.lower.iter().zip(problem.upper)) {
+            *x = x.max(*lower).min(*upper);
+        }
+        let mut engine = Engine::new(problem, &self.options, work, &mut self.report, observe, clock);
+        engine.given_active = states.is_some();
+        let status = engine.solve(states);
+        let stray = engine.work.lin.jac().stray();
+        engine.finish(status, x);
+        stray
+    }
+}
+
 /// A problem without its type parameter, so that the solver is compiled once for all problems.
+#[derive(Clone, Copy)]
 struct Parts<'a> {
     function: &'a dyn McpFunction,
     natural: &'a dyn PiecewiseSmooth,

@@ -1,6 +1,7 @@
 //! The report of a solve.
 
 use super::engine::Engine;
+use super::units::measure;
 use super::{BoundState, McpStatus};
 
 impl Engine<'_> {
@@ -30,11 +31,12 @@ impl Engine<'_> {
         w.trial.x.copy_from_slice(&w.here.x);
         w.here.x.copy_from_slice(&w.seen.nearest);
         if self.evaluate() && self.jacobian() {
-            let measure = self.measure();
-            if self.accepts(measure, self.options.acceptable.max(self.options.tolerance)) {
+            let tolerance = self.options.acceptable.max(self.options.tolerance);
+            let verdict = self.measure(tolerance);
+            if self.accepts(verdict, tolerance) {
                 return McpStatus::Solved;
             }
-            if measure.is_rounding() {
+            if verdict.is_rounding() {
                 return McpStatus::AtRounding;
             }
         }
@@ -60,26 +62,19 @@ impl Engine<'_> {
         if status != McpStatus::Solved {
             self.report.error = f64::NAN;
             if finite && self.jacobian() {
-                self.measure();
+                self.measure(self.options.tolerance);
             }
         }
         self.report.status = status;
-        self.report.residual = self.residual();
         self.report.strategy = self.strategy;
-        let mut complementarity = 0.0_f64;
-        let mut feasibility = 0.0_f64;
         for i in 0..x.len() {
             let (l, u, f) = (self.lower[i], self.upper[i], self.work.here.f[i]);
-            feasibility = feasibility.max(l - x[i]).max(x[i] - u);
-            let gap = if f > 0.0 { x[i] - l } else { u - x[i] };
-            complementarity = complementarity.max(gap.abs().min(f.abs()));
             self.report.states.push(match (x[i] == l, x[i] == u) {
                 (true, _) if f >= 0.0 || l == u => BoundState::Lower,
                 (_, true) if f <= 0.0 => BoundState::Upper,
                 _ => BoundState::Interior,
             });
         }
-        self.report.feasibility = feasibility;
-        self.report.complementarity = if finite { complementarity } else { f64::NAN };
+        measure(self.report, x, &self.work.here.f, self.lower, self.upper);
     }
 }

@@ -3,10 +3,11 @@ use super::equations::Equations;
 use super::linearisation::Linearisation;
 use super::strategies;
 use super::system::System;
+use super::units::Units;
 use crate::complementarity::ComplementarityError;
-use crate::complementarity::accuracy::Accuracy;
 use crate::complementarity::affine::with_diagonal;
-use crate::sparse::Pattern;
+use crate::judge::Judge;
+use crate::sparse::{Matrix, Pattern};
 
 /// Everything a solve needs, made once for problems of one shape.
 #[derive(Debug, Clone)]
@@ -20,7 +21,10 @@ pub(super) struct Work {
     pub(super) lin: Linearisation,
     pub(super) equations: Equations,
     pub(super) system: System,
-    pub(super) accuracy: Accuracy,
+    pub(super) judge: Judge,
+    /// F(0) of an affine F; else empty.
+    pub(super) constants: Vec<f64>,
+    pub(super) units: Units,
     pub(super) seen: Seen,
     pub(super) descent: Descent,
     pub(super) own: strategies::Own,
@@ -65,7 +69,9 @@ impl Work {
             lin: Linearisation::new(pattern.clone()),
             equations: Equations::new(n),
             system: System::new(pattern),
-            accuracy: Accuracy::default(),
+            judge: Judge::default(),
+            constants: Vec::new(),
+            units: Units::default(),
             seen: Seen {
                 best: vec![0.0; n],
                 nearest: vec![0.0; n],
@@ -74,6 +80,11 @@ impl Work {
             descent: Descent::new(n),
             own: strategies::Own::default(),
         })
+    }
+
+    /// Room for ∇F and F(0) before a run.
+    pub(super) fn scratch(&mut self) -> (&mut Matrix, &mut Vec<f64>) {
+        (self.lin.room(), &mut self.constants)
     }
 
     pub(super) fn fits(&self, pattern: &Pattern) -> bool {

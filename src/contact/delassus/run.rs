@@ -188,9 +188,12 @@ impl<'a, const D: usize> Run<'a, D> {
             true if law.overall > tolerance => law.overall,
             true => tolerance * law.residual.min(1.0),
         };
-        let solved = small && law.overall <= tolerance && law.residual <= tolerance;
+        let solved = small
+            && law.overall <= tolerance
+            && law.residual <= tolerance
+            && self.scaled.violation(&self.at, &self.u, &self.contacts) <= tolerance;
         // A gain within rounding does not count.
-        self.best_is_last = progress < 0.99 * self.best_progress || (progress < self.best_progress && solved);
+        self.best_is_last = progress < 0.99 * self.best_progress || (solved && !self.solved);
         if self.best_is_last {
             self.best_progress = progress;
             self.residual = law.residual;

@@ -2,6 +2,7 @@ use std::cell::Cell;
 
 use super::DelassusProblem;
 use super::cone::natural_residual;
+use crate::judge::laws::coulomb;
 use crate::sparse::max_abs;
 
 /// A vector of blocks, one a contact.
@@ -276,6 +277,24 @@ impl<const D: usize> ScaledProblem<D> {
             overall: share(errors, terms).sqrt(),
             violation: share(errors + hidden, data.max(f64::MIN_POSITIVE)).sqrt(),
         }
+    }
+
+    /// The largest violation of the law at any contact, each part of it relative to its own terms, given u = M r + q and the squared sizes
+    /// from [`law`](Self::law).
+    pub(super) fn violation(&self, r: &[[f64; D]], u: &[[f64; D]], contacts: &[[f64; 2]]) -> f64 {
+        let mut terms: Vector<D> = self.q.iter().map(|q| q.map(f64::abs)).collect();
+        for (j, r) in r.iter().enumerate().filter(|(_, r)| **r != [0.0; D]) {
+            for (i, block) in self.matrix.column(j) {
+                for (term, row) in terms[i].iter_mut().zip(block) {
+                    *term += row.iter().zip(r).map(|(b, r)| (b * r).abs()).sum::<f64>();
+                }
+            }
+        }
+        let largest = contacts.iter().fold(0.0_f64, |m, c| m.max(c[0])).sqrt();
+        (0..r.len()).fold(0.0, |worst: f64, i| {
+            let size = contacts[i][0].sqrt().max(NEGLIGIBLE * largest);
+            worst.max(coulomb(self.friction[i], &r[i], &u[i], &terms[i], size))
+        })
     }
 
     /// The reactions in the units of the problem; tangential ones are exactly 0 at contacts without friction.

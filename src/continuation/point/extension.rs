@@ -5,8 +5,8 @@ use std::cell::Cell;
 
 use super::arc::{Arc, Value};
 use super::search::RANK;
+use crate::judge::equilibrate;
 use crate::linear::{Decomposition, decompose};
-use crate::newton::equilibrate;
 use crate::piecewise::expansion::{Exactness, TERMS, along};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, dot, norm};

@@ -1,6 +1,6 @@
 //! Angles and distances to facets, independent of the units of the variables.
 
-use crate::newton::equilibrate;
+use crate::judge::equilibrate;
 use crate::piecewise::{PiecewiseSmooth, Selection, TestLayout, Vanishing};
 use crate::sparse::{Matrix, norm};
 

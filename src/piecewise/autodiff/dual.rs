@@ -12,7 +12,7 @@ fn chain(x: Dual64, value: f64, slope: f64) -> Dual64 {
 /// xⁿ. Where x⁻ⁿ is too large or too small to be divided by, xⁿ may still be a number: then it is the power
 /// of 1/x.
 fn whole_power(x: f64, n: i32) -> f64 {
-    let power = x.powi(n);
+    let power = Real::powi(x, n);
     let inverse = x.recip();
     match n < 0 && !power.is_normal() && inverse.is_finite() {
         true => inverse.powi(n.saturating_neg()),
@@ -94,7 +94,7 @@ impl Real for Dual64 {
     }
     fn powf(self, p: f64) -> Self {
         let slope = if p == 0.0 { 0.0 } else { p * self.re.powf(p - 1.0) };
-        chain(self, self.re.powf(p), slope)
+        chain(self, Real::powf(self.re, p), slope)
     }
 }
 

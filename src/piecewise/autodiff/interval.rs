@@ -419,6 +419,9 @@ impl Real for Interval {
         }
         0.5 * self.low + 0.5 * self.high
     }
+    fn single(&self) -> Option<f64> {
+        (self.is_undefined() || self.is_point()).then_some(self.low)
+    }
     fn sqrt(self) -> Self {
         if self.low >= 0.0 {
             Self::new(root_down(self.low), root_up(self.high))

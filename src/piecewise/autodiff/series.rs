@@ -296,6 +296,9 @@ impl<S: Coefficient, const K: usize> Real for Series<S, K> {
     fn value(&self) -> f64 {
         self.0[0].value()
     }
+    fn single(&self) -> Option<f64> {
+        self.0[0].single()
+    }
     fn sqrt(self) -> Self {
         self.function(self.0[0].sqrt(), |a, r| {
             for k in 1..K {

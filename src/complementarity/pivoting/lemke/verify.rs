@@ -1,7 +1,7 @@
 //! Refactorisation, and checks of the basic variables, of results and of rays.
 
 use super::{Lemke, Var};
-use crate::complementarity::accuracy::{Point, drop_rounding};
+use crate::complementarity::accuracy::{drop_rounding, point};
 use crate::complementarity::infeasible::Conditions;
 use crate::complementarity::pivoting::LemkeStatus;
 use crate::complementarity::{ComplementarityError, Lcp};
@@ -101,8 +101,8 @@ impl Lemke {
 
     /// Whether z, with w = M z + q in `work`, is a solution.
     pub(super) fn is_solution(&mut self, lcp: &Lcp, z: &[f64]) -> bool {
-        let point = Point::of(lcp.into(), z, &self.work);
-        self.accuracy.measure(&point).is_solved(TOLERANCE)
+        let point = point(lcp.into(), z, &self.work);
+        self.judge.verdict(&point, TOLERANCE).is_solved(TOLERANCE)
     }
 
     /// Whether z without its rounding is a solution; otherwise z and `work` stay as they are.

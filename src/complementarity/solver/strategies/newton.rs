@@ -47,7 +47,7 @@ impl Engine<'_> {
                     break;
                 }
                 let residual = self.residual();
-                let measure = self.measure();
+                let measure = self.measure(self.options.tolerance);
                 self.note_nearest(measure);
                 self.note_best(residual);
                 if plan.proximal > 0.0 || measure.is_solved(self.options.tolerance) {

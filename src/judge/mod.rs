@@ -1,0 +1,17 @@
+//! Where *solved* is decided, for all solvers: a solver proposes a point, the judge disposes.
+//!
+//! [`Judge`] decides for equations, complementarity problems and whatever else is solved row by row; the laws of cones and of contact are
+//! checked as laws in [`laws`].
+
+mod columns;
+mod constants;
+mod equilibrate;
+pub(crate) mod laws;
+mod parts;
+mod rows;
+
+pub(crate) use columns::Columns;
+pub(crate) use constants::{Emptiness, slack};
+pub(crate) use equilibrate::{equilibrate, power_below, row_sizes};
+pub(crate) use parts::Parts;
+pub(crate) use rows::{Judge, Point, ROUNDING, SUM, Verdict};

@@ -1,0 +1,178 @@
+//! The parts of a square system that determine their unknowns together.
+
+use super::Columns;
+use crate::linear::{AutoSolver, LinearError, LinearSolver};
+use crate::sparse::Matrix;
+
+/// The strongly connected components of the pattern of a square matrix, row i belonging to unknown i.
+///
+/// Whatever rows are matched with unknowns in place of the diagonal, the parts of a regular matrix are unions of its irreducible blocks.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Parts {
+    /// The part of each unknown; those left out have none.
+    part: Vec<usize>,
+    members: Vec<Vec<usize>>,
+}
+
+/// No part, or none yet.
+const NONE: usize = usize::MAX;
+
+impl Parts {
+    /// Finds the parts of the unknowns that are `open` (R. Tarjan, SIAM J. Comput. 1 (1972)).
+    pub(crate) fn find(&mut self, matrix: Columns<'_>, n: usize, open: &dyn Fn(usize) -> bool) {
+        self.part.clear();
+        self.part.resize(n, NONE);
+        self.members.clear();
+        let mut below: Vec<Vec<usize>> = vec![Vec::new(); n];
+        for (j, below) in below.iter_mut().enumerate().filter(|e| open(e.0)) {
+            matrix.each(j, |i, v| {
+                if i != j && v != 0.0 && open(i) {
+                    below.push(i);
+                }
+            });
+        }
+        let (mut number, mut low, mut count) = (vec![NONE; n], vec![NONE; n], 0);
+        let (mut stack, mut path): (Vec<usize>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
+        for root in (0..n).filter(|j| open(*j)) {
+            if number[root] != NONE {
+                continue;
+            }
+            path.push((root, 0));
+            while let Some((j, next)) = path.pop() {
+                if next == 0 {
+                    (number[j], low[j]) = (count, count);
+                    count += 1;
+                    stack.push(j);
+                } else {
+                    low[j] = low[j].min(low[below[j][next - 1]]);
+                }
+                let mut at = next;
+                let child = loop {
+                    let Some(&i) = below[j].get(at) else { break None };
+                    at += 1;
+                    if number[i] == NONE {
+                        break Some(i);
+                    }
+                    // Only those still on the stack have no part.
+                    if self.part[i] == NONE {
+                        low[j] = low[j].min(number[i]);
+                    }
+                };
+                if let Some(i) = child {
+                    path.push((j, at));
+                    path.push((i, 0));
+                } else if low[j] == number[j] {
+                    let first = stack.iter().rposition(|i| *i == j).unwrap_or(0);
+                    let mut members = stack.split_off(first);
+                    members.sort_unstable();
+                    members.iter().for_each(|&i| self.part[i] = self.members.len());
+                    self.members.push(members);
+                }
+            }
+        }
+    }
+
+    /// The part of an unknown that is open.
+    pub(crate) fn of(&self, i: usize) -> Option<usize> {
+        self.part.get(i).copied().filter(|p| *p != NONE)
+    }
+
+    pub(crate) fn members(&self, part: usize) -> &[usize] {
+        &self.members[part]
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.members.len()
+    }
+
+    /// Whether the rows and columns of a part form a matrix that is regular beyond rounding, in any units.
+    pub(crate) fn is_regular(&self, part: usize, matrix: Columns<'_>) -> bool {
+        let members = &self.members[part];
+        let mut entries = Vec::new();
+        for (c, &j) in members.iter().enumerate() {
+            matrix.each(j, |i, v| {
+                if self.of(i) == Some(part)
+                    && let Ok(r) = members.binary_search(&i)
+                {
+                    entries.push((r, c, v));
+                }
+            });
+        }
+        let k = members.len();
+        let Ok(block) = Matrix::from_triplets(k, k, &entries) else {
+            return false;
+        };
+        let mut solver = AutoSolver::new();
+        solver.analyze(block.pattern().as_ref()).is_ok()
+            && match solver.factor(block.as_ref()) {
+                Ok(()) => true,
+                // Entries may have been rounded, one unit in the last place a row and a column.
+                Err(LinearError::Singular { rcond }) => rcond > 4.0 * f64::EPSILON * k as f64,
+                Err(_) => false,
+            }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spread::Random;
+
+    /// Against the definition: two unknowns are in one part where each reaches the other.
+    #[test]
+    fn parts_are_those_of_mutual_reach() {
+        let mut random = Random::new(3);
+        for case in 0..300 {
+            let n = 1 + case % 9;
+            let dense = 0.1 + 0.02 * (case % 10) as f64;
+            let mut reach = vec![vec![false; n]; n];
+            let mut entries = Vec::new();
+            let open: Vec<bool> = (0..n).map(|_| random.symmetric() > -0.8).collect();
+            for i in 0..n {
+                for j in 0..n {
+                    if random.symmetric().abs() < dense {
+                        entries.push((i, j, 1.0));
+                        reach[j][i] = open[i] && open[j];
+                    }
+                }
+                reach[i][i] = true;
+            }
+            for k in 0..n {
+                for i in 0..n {
+                    for j in 0..n {
+                        reach[i][j] |= reach[i][k] && reach[k][j];
+                    }
+                }
+            }
+            let matrix = Matrix::from_triplets(n, n, &entries).unwrap();
+            let mut parts = Parts::default();
+            parts.find(Columns::Long(matrix.as_ref()), n, &|i| open[i]);
+            for i in 0..n {
+                assert_eq!(parts.of(i).is_some(), open[i]);
+                for j in (0..n).filter(|j| open[i] && open[*j]) {
+                    let together = parts.of(i) == parts.of(j);
+                    assert_eq!(together, reach[i][j] && reach[j][i], "case {case}: {i} {j}");
+                }
+            }
+        }
+    }
+
+    /// Tiny and huge rows are regular, dependent ones are not, nor are those that depend but for rounding.
+    #[test]
+    fn regularity_does_not_depend_on_units() {
+        for (rows, regular) in [
+            ([[1e-20, 0.0], [1.0, -1.0]], true),
+            ([[1e-20, 2e10], [1e200, 3e190]], true),
+            ([[1.0, -1.0], [-1.0, 1.0]], false),
+            ([[0.1, 0.3], [0.2, 0.6]], false),
+            ([[0.1, 0.1 + 0.2], [1e9, 3e9]], false),
+        ] {
+            let matrix = Matrix::from_rows(&rows).unwrap();
+            let columns = Columns::Long(matrix.as_ref());
+            let mut parts = Parts::default();
+            parts.find(columns, 2, &|_| true);
+            let all = (0..parts.len()).all(|p| parts.is_regular(p, columns));
+            assert_eq!(all, regular, "{rows:?}");
+        }
+    }
+}
