@@ -227,3 +227,21 @@ fn mistakes_are_found_where_they_are() {
     let e = Formula::read(&["y = 1 = 2"], &["y"]).unwrap_err();
     assert!(e.to_string().contains("one sign ="));
 }
+
+#[test]
+fn what_is_undefined_stays_so() {
+    let texts = [
+        "max(x + 2, ln(x))",
+        "max(ln(x), 5)",
+        "min(ln(x), x)",
+        "min(-9, ln(x))",
+        "abs(ln(x))",
+        "ln(x)^0",
+    ];
+    let map = Traced::new(Formula::read(&texts, &["x"]).unwrap());
+    let mut out = [0.0; 6];
+    value(&map, &[-2.0], &mut out);
+    assert!(out.iter().all(|v| v.is_nan()), "{out:?}");
+    value(&map, &[1.0], &mut out);
+    assert_eq!(out, [3.0, 5.0, 0.0, -9.0, 0.0, 1.0]);
+}
