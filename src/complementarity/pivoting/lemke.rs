@@ -55,9 +55,9 @@ enum Side {
 /// algorithm 4.4.5 and section 4.9).
 ///
 /// With [`LemkeOptions::label`] the path begins at the solution z = 0 of a problem with q ≥ 0 and leads to
-/// another one (C. E. Lemke, J. T. Howson, 1964). A bimatrix game whose players have the payoffs A > 0 and B
-/// > 0 is M = −[0 A; Bᵀ 0], q = 1: the parts of z, each divided by its sum, are an equilibrium, and each
-/// label leads to one, though not each equilibrium is found by a label.
+/// another one (C. E. Lemke, J. T. Howson, 1964). A bimatrix game whose players have positive payoffs A and B
+/// is M = −[0 A; Bᵀ 0], q = 1: the parts of z, each divided by its sum, are an equilibrium, and each label
+/// leads to one, though not each equilibrium is found by a label.
 ///
 /// Unknowns without bounds may have any block of M: where it is singular, as in the optimality conditions of
 /// linear programs with equations, each of them counts as the difference of two that are not negative.
