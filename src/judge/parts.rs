@@ -11,7 +11,20 @@ use crate::sparse::Matrix;
 pub(crate) struct Parts {
     /// The part of each unknown; those left out have none.
     part: Vec<usize>,
-    members: Vec<Vec<usize>>,
+    /// The unknowns part by part, and where each part begins.
+    order: Vec<usize>,
+    starts: Vec<usize>,
+    search: Search,
+}
+
+/// What the search for parts needs, kept for the next one.
+#[derive(Debug, Clone, Default)]
+struct Search {
+    below: Vec<Vec<usize>>,
+    number: Vec<usize>,
+    low: Vec<usize>,
+    stack: Vec<usize>,
+    path: Vec<(usize, usize)>,
 }
 
 /// No part, or none yet.
@@ -22,8 +35,25 @@ impl Parts {
     pub(crate) fn find(&mut self, matrix: Columns<'_>, n: usize, open: &dyn Fn(usize) -> bool) {
         self.part.clear();
         self.part.resize(n, NONE);
-        self.members.clear();
-        let mut below: Vec<Vec<usize>> = vec![Vec::new(); n];
+        self.order.clear();
+        self.starts.clear();
+        self.starts.push(0);
+        let Search {
+            below,
+            number,
+            low,
+            stack,
+            path,
+        } = &mut self.search;
+        below.resize_with(n, Vec::new);
+        below.iter_mut().for_each(Vec::clear);
+        for v in [&mut *number, &mut *low] {
+            v.clear();
+            v.resize(n, NONE);
+        }
+        stack.clear();
+        path.clear();
+        let mut count = 0;
         for (j, below) in below.iter_mut().enumerate().filter(|e| open(e.0)) {
             matrix.each(j, |i, v| {
                 if i != j && v != 0.0 && open(i) {
@@ -31,8 +61,6 @@ impl Parts {
                 }
             });
         }
-        let (mut number, mut low, mut count) = (vec![NONE; n], vec![NONE; n], 0);
-        let (mut stack, mut path): (Vec<usize>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
         for root in (0..n).filter(|j| open(*j)) {
             if number[root] != NONE {
                 continue;
@@ -63,10 +91,11 @@ impl Parts {
                     path.push((i, 0));
                 } else if low[j] == number[j] {
                     let first = stack.iter().rposition(|i| *i == j).unwrap_or(0);
-                    let mut members = stack.split_off(first);
-                    members.sort_unstable();
-                    members.iter().for_each(|&i| self.part[i] = self.members.len());
-                    self.members.push(members);
+                    let (begin, part) = (self.order.len(), self.starts.len() - 1);
+                    self.order.extend(stack.drain(first..));
+                    self.order[begin..].sort_unstable();
+                    self.order[begin..].iter().for_each(|&i| self.part[i] = part);
+                    self.starts.push(self.order.len());
                 }
             }
         }
@@ -78,16 +107,21 @@ impl Parts {
     }
 
     pub(crate) fn members(&self, part: usize) -> &[usize] {
-        &self.members[part]
+        &self.order[self.starts[part]..self.starts[part + 1]]
     }
 
     pub(crate) fn len(&self) -> usize {
-        self.members.len()
+        self.starts.len().saturating_sub(1)
     }
 
     /// Whether the rows and columns of a part form a matrix that is regular beyond rounding, in any units.
     pub(crate) fn is_regular(&self, part: usize, matrix: Columns<'_>) -> bool {
-        let members = &self.members[part];
+        let members = self.members(part);
+        if let [j] = *members {
+            let mut sum = 0.0;
+            matrix.each(j, |i, v| sum += if i == j { v } else { 0.0 });
+            return sum != 0.0 && f64::is_finite(sum);
+        }
         let mut entries = Vec::new();
         for (c, &j) in members.iter().enumerate() {
             matrix.each(j, |i, v| {

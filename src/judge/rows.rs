@@ -129,11 +129,14 @@ pub(crate) struct Judge {
     met: Vec<f64>,
     /// Rows with a term that is more than rounding of these, by a coefficient that is more than rounding of its row.
     loud: Vec<bool>,
+    /// Rows that have constants, or unknowns of other parts.
+    told: Vec<bool>,
     parts: Parts,
     is_found: bool,
     /// Factors of rows and units of unknowns in which J is equilibrated.
     factors: Vec<f64>,
     columns: Vec<f64>,
+    room: Vec<f64>,
     /// Whether each part is regular, once asked.
     regular: Vec<Option<bool>>,
     /// The rows that [`Verdict::distant`] is about.
@@ -247,12 +250,12 @@ impl Judge {
     fn find_parts(&mut self, p: &Point<'_>) {
         if !std::mem::replace(&mut self.is_found, true) {
             let n = p.x.len();
-            for units in [&mut self.factors, &mut self.columns] {
+            for units in [&mut self.factors, &mut self.columns, &mut self.room] {
                 units.clear();
                 units.resize(n, 1.0);
             }
             if let Columns::Long(jac) = p.jac {
-                equilibrate(jac, &mut self.factors, &mut self.columns, &mut vec![0.0; n]);
+                equilibrate(jac, &mut self.factors, &mut self.columns, &mut self.room);
             }
             self.parts.find(p.jac, p.x.len(), &|i| !p.rests(i));
             self.regular.clear();
@@ -286,11 +289,9 @@ impl Judge {
     /// nothing else tells of sizes, neither constants nor unknowns of other parts.
     fn meet(&mut self, p: &Point<'_>) {
         self.find_parts(p);
-        let mut told: Vec<bool> = self
-            .rows
-            .iter()
-            .map(|row| row.constant > SUM * row.variable)
-            .collect();
+        let mut told = std::mem::take(&mut self.told);
+        told.clear();
+        told.extend(self.rows.iter().map(|row| row.constant > SUM * row.variable));
         self.met.clear();
         self.met.extend(p.x.iter().map(|x| x.abs()));
         // An unknown's part comes after the parts of all rows that depend on it.
@@ -314,6 +315,7 @@ impl Judge {
                 }
             }
         }
+        self.told = told;
         self.add_up(p);
     }
 
