@@ -38,6 +38,7 @@ FUNCTIONS = [
     ss.diagram,
     ss.follow,
     ss.lemke,
+    ss.solve,
     ss.solve_cone,
     ss.solve_friction,
     ss.solve_lcp,
