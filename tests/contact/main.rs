@@ -29,3 +29,4 @@ mod scaling;
 mod supports;
 mod touching;
 mod uniqueness_constants;
+mod unloaded;
