@@ -28,5 +28,6 @@ mod scale_of_r;
 mod scaling;
 mod supports;
 mod touching;
+mod unequal_nodes;
 mod uniqueness_constants;
 mod unloaded;
