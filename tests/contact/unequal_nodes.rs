@@ -27,8 +27,8 @@ fn sizes<'a>(points: impl Iterator<Item = &'a Vec<f64>>) -> Vec<f64> {
     sizes.iter().map(|s| s.max(least)).collect()
 }
 
-/// The diagram from the solutions at nine parameters has at `count` parameters in the range the solutions of the list proven there, compared in the size
-/// of each variable; the branch from each end has its folds. Returns the largest number of solutions.
+/// The diagram from the solutions at nine parameters has, at `count` parameters in the range, the solutions of the list proven there, in
+/// the size of each variable; the branch from each end has its folds. Returns the largest number of solutions.
 fn diagram_agrees<M: PiecewiseSmooth>(map: &M, range: (f64, f64), count: usize, what: &str) -> usize {
     let list = |alpha: f64| {
         let set = all_solutions(map, alpha, &EnumerationOptions::default()).unwrap();
