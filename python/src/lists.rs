@@ -170,7 +170,7 @@ fn residual(map: &dyn PiecewiseSmooth, solution: &enumeration::Solution) -> f64 
 /// parameter : float
 ///     The last variable of a map with a parameter.
 /// **options
-///     max_nodes (1 000 000), max_time (seconds) and others of EnumerationOptions.
+///     max_nodes (1 000 000), max_time (60 seconds; None: no limit) and others of EnumerationOptions.
 ///
 /// Returns
 /// -------
