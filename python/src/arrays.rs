@@ -209,11 +209,17 @@ pub(crate) fn python<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<B
     Ok(pythonize::pythonize(py, value)?)
 }
 
-/// Options by their names in the library; what is not given has its default. Times are in seconds.
+/// Seconds after which a run ends unless `max_time` says otherwise: as long as people wait for an answer. `max_time=None` is no limit.
+const MAX_TIME: f64 = 60.0;
+
+/// Options by their names in the library; what is not given has its default, `max_time` that of this package. Times are in seconds.
 pub(crate) fn options<T: DeserializeOwned>(given: Option<&Bound<'_, PyDict>>, py: Python<'_>) -> PyResult<T> {
     let given = given.map_or_else(|| Ok(PyDict::new(py)), |g| g.copy())?;
-    if let Some(seconds) = given.get_item("max_time")?.filter(|s| !s.is_none()) {
-        let seconds: f64 = seconds.extract()?;
+    let limit = match given.get_item("max_time")? {
+        Some(seconds) => seconds.extract()?,
+        None => Some(MAX_TIME),
+    };
+    if let Some(seconds) = limit {
         let time = Duration::try_from_secs_f64(seconds)
             .map_err(|e| PyValueError::new_err(format!("max_time = {seconds} s: {e}")))?;
         given.set_item("max_time", pythonize::pythonize(py, &time)?)?;
@@ -264,6 +270,7 @@ pub(crate) fn options_over<T: Serialize + DeserializeOwned>(
     py: Python<'_>,
 ) -> PyResult<T> {
     let all = python(py, defaults)?.cast_into::<PyDict>()?;
+    all.del_item("max_time")?;
     if let Some(given) = given {
         all.update(given.as_mapping())?;
     }

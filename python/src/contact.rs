@@ -506,8 +506,8 @@ impl ContactProblem {
     /// states : list of str, optional
     ///     In place of a start: "open", "stick", "slip+" or "slip-" for each contact node.
     /// **options
-    ///     max_time (seconds), max_increments, max_paths and others of ContactOptions; in reduced form max_time, tolerance, max_iterations,
-    ///     max_memory (bytes) and others of ReducedOptions.
+    ///     max_time (60 seconds; None: no limit), max_increments, max_paths and others of ContactOptions; in
+    ///     reduced form max_time, tolerance, max_iterations, max_memory (bytes) and others of ReducedOptions.
     ///
     /// Returns
     /// -------

@@ -485,7 +485,7 @@ pub(crate) fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction>
 ///     Names of the n + 1 variables, for tables and pictures.
 /// **options
 ///     step (0.05), min_step, max_step (1), targets (parameters at which points are computed), max_points (10 000), max_arclength,
-///     max_time (seconds), typical_sizes and others of ContinuationOptions.
+///     max_time (60 seconds; None: no limit), typical_sizes and others of ContinuationOptions.
 ///
 /// Returns
 /// -------

@@ -397,7 +397,7 @@ fn between(
 ///     Limits on the whole diagram (10 000 edges, 1 000 000 points), and the distance, relative to 1 + ‖x‖, within which vertices are one
 ///     (1e-7).
 /// **options
-///     As for :func:`follow`; max_time (seconds) is for the whole diagram.
+///     As for :func:`follow`; max_time (60 seconds; None: no limit) is for the whole diagram.
 ///
 /// Returns
 /// -------

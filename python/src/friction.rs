@@ -74,7 +74,7 @@ impl FrictionResult {
 /// callback : callable, optional
 ///     Called with a dict on each iterate; returns True to stop.
 /// **options
-///     tolerance, max_time (seconds), max_sweeps and max_factorisations of DelassusOptions.
+///     tolerance, max_time (60 seconds; None: no limit), max_sweeps and max_factorisations of DelassusOptions.
 ///
 /// Returns
 /// -------

@@ -330,7 +330,7 @@ fn residual(map: &dyn PiecewiseSmooth, selections: &[Selection], x: &[f64]) -> f
 /// starts : array of shape (k, num_vars), optional
 ///     Points from which a search begins.
 /// **options
-///     max_nodes (1 000 000), max_time (seconds) and others of EnumerationOptions.
+///     max_nodes (1 000 000), max_time (60 seconds; None: no limit) and others of EnumerationOptions.
 ///
 /// Returns
 /// -------

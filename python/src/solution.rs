@@ -367,8 +367,8 @@ impl EvolutionStep {
 /// callback : callable, optional
 ///     Called with each :class:`EvolutionStep`; returns True to stop.
 /// **options
-///     As for :func:`follow`; max_points is 1000 for each level, max_time (seconds) for each. In reduced form those of
-///     :meth:`ContactProblem.solve`.
+///     As for :func:`follow`; max_points and max_nodes are 1000 for each level, max_time (60 seconds; None: no limit) is for each. In reduced
+///     form those of :meth:`ContactProblem.solve`.
 ///
 /// Returns
 /// -------

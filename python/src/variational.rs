@@ -208,7 +208,7 @@ impl ConeResult {
 /// jac, pattern, callback
 ///     As for :func:`solve_mcp`.
 /// **options
-///     tolerance, max_iterations, max_time (seconds), strategies and restarts of ConeOptions.
+///     tolerance, max_iterations, max_time (60 seconds; None: no limit), strategies and restarts of ConeOptions.
 ///
 /// Returns
 /// -------

@@ -2,6 +2,7 @@
 
 use super::error::check_length;
 use super::law::NodeLaw;
+use super::rounding::blurred_load;
 use super::solution::{imbalance, judge};
 use super::{Contact, ContactError, ContactSolution};
 use crate::interface::{SupportState, View};
@@ -19,6 +20,10 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         let mut reaction = vec![0.0; state.u.len()];
         let forces = &x[self.leading()..self.num_residuals()];
         Matrix::as_ref(&self.operator.b_t).mul_add(1.0, forces, &mut reaction);
+        let cases = self
+            .operator
+            .load
+            .terms(&x[self.num_residuals()..], state.u.len());
         let mut solution = ContactSolution::assemble(
             self.nodes_in_own_scale(x),
             |v| judge(&self.law.law, v),
@@ -26,8 +31,9 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
             (
                 state.stored(),
                 state.load_energy(),
-                imbalance(&state.stiff, &reaction, &state.load),
+                imbalance(&state.stiff, &reaction, &state.load, &cases),
             ),
+            blurred_load(&state.load, &cases),
         );
         solution.nodes.iter_mut().for_each(|v| v.r = self.law.r);
         Ok(solution)
@@ -35,7 +41,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
 }
 
 /// u_ν − penetration and u_t − slip of node i.
-fn offsets(gap: &[f64], reference: &[f64], i: usize) -> [f64; 3] {
+pub(super) fn offsets(gap: &[f64], reference: &[f64], i: usize) -> [f64; 3] {
     let p = gap.len();
     let at = |d: usize| reference.get(d * p + i).copied().unwrap_or(0.0);
     [gap[i], at(0), at(1)]
@@ -73,6 +79,12 @@ impl BodyState {
             load,
             supports,
         }
+    }
+
+    /// A u − f.
+    pub(super) fn imbalances(&self) -> Vec<f64> {
+        let rows = self.stiff.iter().zip(&self.load);
+        rows.map(|(a, f)| a - f).collect()
     }
 
     /// The elastic energy of the whole body, supports included.

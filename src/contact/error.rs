@@ -207,7 +207,7 @@ pub enum ContactError {
     },
     /// A search in the displacements was stopped by its observer or by the time limit.
     #[error(
-        "stopped after {}: relative residuals of equilibrium {:e}, of the normal law {:e}, of friction {:e} at the best iterate",
+        "stopped after {}, by an observer or at the limit on time (max_time): relative residuals of equilibrium {:e}, of the normal law {:e}, of friction {:e} at the best iterate",
         crate::words::Count(.best.iterations.len(), "step", "steps"),
         .best.residuals.equilibrium, .best.residuals.normal, .best.residuals.tangential
     )]

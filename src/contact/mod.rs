@@ -19,6 +19,7 @@ mod law;
 mod multipliers;
 mod per_node;
 mod problem;
+mod rounding;
 mod search;
 mod solution;
 mod theory;

@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::ContactState;
 use super::law::{LocalValues, MAX_TESTS, NodeLaw};
+use super::rounding::{BLURRED, SMALLEST, size_of_forces};
 use crate::words::Count;
 
 /// A solution of a contact problem, node by node: the same type for the full form, the condensed form, the fixed point and the Delassus
@@ -89,6 +90,9 @@ impl ContactEnergy {
 }
 
 /// Largest residuals of the three blocks of equations, each against the largest force in it: free of units.
+///
+/// Where all forces are small differences of terms that cancel (load cases that balance each other; displacements equal to the gap), 1.4e-4
+/// of these terms count in their place: smaller forces consist of rounding errors to more than 1e-10.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -113,43 +117,42 @@ impl ContactSolution {
     /// The solution with these values at its nodes; `law` gives the state and the residuals (normal, t₁, t₂) of a node.
     ///
     /// `stored`, `load` and `equilibrium` are computed by the caller; `offsets` of a node are u_ν − penetration and
-    /// u_t − slip: its gap and reference slip.
+    /// u_t − slip: its gap and reference slip. Forces below `least` are known to be rounding.
     pub(super) fn assemble(
         nodes: Vec<LocalValues>,
         mut law: impl FnMut(&LocalValues) -> (ContactState, [f64; 3]),
         offsets: impl Fn(usize) -> [f64; 3],
         (stored, load, equilibrium): (f64, f64, f64),
+        least: f64,
     ) -> Self {
         let mut energy = ContactEnergy {
             stored,
             load,
             ..ContactEnergy::default()
         };
-        let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, 0.0f64);
+        let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, SMALLEST.max(least));
         let mut states = Vec::with_capacity(nodes.len());
         for (i, v) in nodes.iter().enumerate() {
             let (state, h) = law(v);
             states.push(state);
             normal = normal.max(h[0].abs());
             tangential = tangential.max(h[1].abs()).max(h[2].abs());
-            size = size.max(v.pressure.abs()).max(v.r * v.penetration.abs());
             let offsets = offsets(i);
+            size = size.max(size_of_forces(v, offsets));
             energy.normal += v.pressure * (v.penetration + offsets[0]);
             for d in 0..2 {
-                size = size.max(v.traction[d].abs()).max(v.r * v.slip[d].abs());
                 energy.friction += v.traction[d] * (v.slip[d] + offsets[1 + d]);
                 energy.dissipated += v.traction[d] * v.slip[d];
             }
         }
-        let relative = |h: f64| if h == 0.0 { 0.0 } else { h / size };
         Self {
             states,
             nodes,
             energy,
             residuals: ContactResiduals {
                 equilibrium,
-                normal: relative(normal),
-                tangential: relative(tangential),
+                normal: normal / size,
+                tangential: tangential / size,
             },
         }
     }
@@ -205,14 +208,14 @@ pub(super) fn judge<L: NodeLaw + ?Sized>(law: &L, v: &LocalValues) -> (ContactSt
     (law.state(piece, v), law.residual(piece, v))
 }
 
-/// Largest entry of A u + Bᵀ λ − f against the largest of the three terms.
-pub(super) fn imbalance(stiff: &[f64], reaction: &[f64], load: &[f64]) -> f64 {
-    let (mut worst, mut size) = (0.0f64, 0.0f64);
-    for ((a, b), f) in stiff.iter().zip(reaction).zip(load) {
+/// Largest entry of A u + Bᵀ λ − f against the largest of the three terms; `cases` are Σ |terms| of the load cases, which may cancel.
+pub(super) fn imbalance(stiff: &[f64], reaction: &[f64], load: &[f64], cases: &[f64]) -> f64 {
+    let (mut worst, mut size) = (0.0f64, SMALLEST);
+    for (((a, b), f), terms) in stiff.iter().zip(reaction).zip(load).zip(cases) {
         worst = worst.max((a + b - f).abs());
-        size = size.max(a.abs()).max(b.abs()).max(f.abs());
+        size = size.max(a.abs()).max(b.abs()).max(f.abs()).max(BLURRED * terms);
     }
-    if worst == 0.0 { 0.0 } else { worst / size }
+    worst / size
 }
 
 #[cfg(test)]
@@ -242,7 +245,7 @@ mod tests {
             let own: Vec<_> = order.iter().map(|&k| nodes[k]).collect();
             let law = |v: &LocalValues| (states[v.node], laws[v.node]);
             let offsets = |i: usize| [[1.0, 2.0, 4.0], [8.0, 16.0, 32.0]][order[i]];
-            let solution = ContactSolution::assemble(own, law, offsets, (7.0, 9.0, 0.5));
+            let solution = ContactSolution::assemble(own, law, offsets, (7.0, 9.0, 0.5), 0.0);
             // The largest term is r |slip| of the second node.
             let expected = (0.5, 0.6 / 7.5, 0.9 / 7.5);
             let found = &solution.residuals;

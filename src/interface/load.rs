@@ -322,6 +322,22 @@ impl LoadPath {
         f
     }
 
+    /// Σ |terms| of f at these parameters: cases may cancel.
+    pub(crate) fn terms(&self, parameters: &[f64], n: usize) -> Vec<f64> {
+        let (mut terms, mut rate) = (vec![0.0; n], vec![0.0; n]);
+        self.general(parameters[0], &mut terms, &mut rate);
+        terms.iter_mut().for_each(|f| *f = f.abs());
+        let mut factors = Factors::new(self);
+        factors.set(self, parameters);
+        for (case, c) in self.parts().zip(&factors.value) {
+            terms
+                .iter_mut()
+                .zip(case.forces())
+                .for_each(|(t, f)| *t += (c * f).abs());
+        }
+        terms
+    }
+
     /// The state of the supports at these parameters.
     pub(crate) fn support_state(&self, parameters: &[f64]) -> SupportState {
         SupportState(self.supports(parameters))

@@ -99,7 +99,7 @@ impl fmt::Display for Failure {
             }
             Self::Singular => f.write_str("the Jacobian is singular"),
             Self::NotFinite => f.write_str("the map is not finite along every step tried"),
-            Self::Interrupted => f.write_str("the observer stopped the run"),
+            Self::Interrupted => f.write_str("stopped by an observer, or at the limit on time (max_time)"),
             Self::Linear { residual } => write!(
                 f,
                 "the Krylov method got no further than a relative residual of {residual:e}"

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use semismooth::contact::{
     Arrival, CondensedContact, ContactBody, ContactError, ContactOptions, EvolutionOptions,
-    EvolutionProgress, FrictionCoefficient, Frictionless, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
-    ReducedBody, ReducedContact, ReducedOptions, evolve, evolve_observed,
+    EvolutionProgress, EvolutionStep, FrictionCoefficient, FrictionCurve, Frictionless, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions, evolve, evolve_observed,
 };
 use semismooth::continuation::{ContinuationOptions, Termination};
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
@@ -371,5 +371,58 @@ fn a_level_that_comes_again_is_not_followed() {
     }
     for s in [&steps[0], &steps[2]] {
         assert!([s.work, s.stored, s.dissipated].iter().all(|e| e.abs() < 1e-15));
+    }
+}
+
+/// A coefficient of friction that falls from 0.6 to 0.2 within a slip far below that of a level: the block slips at once. Few levels end where
+/// many do, dissipate as much, and none of them gains energy from friction.
+#[test]
+fn levels_longer_than_the_slip_that_weakens_agree_with_short_ones() {
+    for length in [1e-3, 1e-6, 1e-9] {
+        let weakening = FrictionCurve::exponential(0.6, 0.2, length).unwrap();
+        let law = PlanarCoulomb::new(FrictionCoefficient::uniform(weakening));
+        let run = |levels: usize| {
+            let mut problem = squares::moved_block(4, 0.4)
+                .unwrap()
+                .with_law(law.clone())
+                .unwrap();
+            let start = problem.solve(0.0, None).unwrap();
+            let list: Vec<f64> = (1..=levels).map(|k| 2.0 * k as f64 / levels as f64).collect();
+            let options = EvolutionOptions::default();
+            evolve(&mut problem, &start, &list, &options, |_| {
+                ControlFlow::Continue(())
+            })
+            .unwrap()
+        };
+        let fine = run(200);
+        let dissipated = |steps: &[EvolutionStep]| steps.iter().map(|s| s.dissipated).sum::<f64>();
+        for levels in [1, 2, 5, 10, 50] {
+            let coarse = run(levels);
+            for (k, step) in coarse.iter().enumerate() {
+                let reference = &fine[(k + 1) * fine.len() / levels - 1];
+                let size = reference
+                    .solution
+                    .nodes
+                    .iter()
+                    .fold(0.0f64, |m, v| m.max(v.pressure));
+                for (a, b) in step.solution.nodes.iter().zip(&reference.solution.nodes) {
+                    let apart = (a.pressure - b.pressure)
+                        .abs()
+                        .max((a.traction[0] - b.traction[0]).abs());
+                    assert!(
+                        apart <= 1e-9 * size,
+                        "{length:e}, level {} of {levels}: {apart:e} of {size:e}, {}",
+                        k + 1,
+                        step.arrival
+                    );
+                }
+                assert!(step.dissipated >= -1e-15 && step.returned <= 1e-15);
+            }
+            let (few, many) = (dissipated(&coarse), dissipated(&fine));
+            assert!(
+                (few - many).abs() <= 1e-3 * many,
+                "{length:e}, {levels}: {few} {many}"
+            );
+        }
     }
 }

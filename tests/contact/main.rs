@@ -30,4 +30,6 @@ mod supports;
 mod symmetry;
 mod touching;
 mod two_bodies;
+mod unequal_nodes;
 mod uniqueness_constants;
+mod unloaded;

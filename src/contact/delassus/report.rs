@@ -156,6 +156,7 @@ impl DelassusReport {
             },
             |_| [0.0; 3],
             (stored, load, 0.0),
+            0.0,
         ))
     }
 

@@ -16,6 +16,7 @@ use std::sync::Arc;
 use super::body_state::BodyState;
 use super::error::{check_finite, check_length};
 use super::per_node::RELATIVE_R;
+use super::rounding::{SMALLEST, is_rounding_of};
 use super::solution::judge;
 use super::{
     CondensedContact, ContactError, ContactOptions, ContactProgress, ContactSolution, NodeLaw, check_law,
@@ -234,7 +235,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             v.history[..h].copy_from_slice(&self.history[i * h..(i + 1) * h]);
             self.law.check(&v)?;
         }
-        let load = self.body.load.at(&[alpha], n);
+        let load = self.load_at(alpha);
         check_finite("the load", &load)?;
         let load = self.body.turned(&load);
         let u = self.body.turned(&free);
@@ -248,6 +249,16 @@ impl<L: NodeLaw> ReducedContact<L> {
                 self.condensed(alpha, &load, failed, observe)
             }
         }
+    }
+
+    /// The load at α; what is left of load cases that balance each other up to rounding is as good as nothing.
+    fn load_at(&self, alpha: f64) -> Vec<f64> {
+        let n = self.body.num_displacements();
+        let mut load = self.body.load.at(&[alpha], n);
+        if is_rounding_of(&load, &self.body.load.terms(&[alpha], n)) {
+            load.fill(0.0);
+        }
+        load
     }
 
     /// The best iterate of a search without a solution and the error that ended it, if any; other errors are passed on.
@@ -395,7 +406,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     pub fn solution(&self, alpha: f64, displacements: &[f64]) -> Result<ContactSolution, ContactError> {
         let n = self.body.num_displacements();
         check_length("the displacements", displacements, n)?;
-        let load = self.body.load.at(&[alpha], n);
+        let load = self.load_at(alpha);
         let u = self.body.turned(displacements);
         let f = self.body.turned(&load);
         let mut image = vec![0.0; u.len()];
@@ -422,7 +433,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             v.history[..h].copy_from_slice(&self.history[i * h..(i + 1) * h]);
             values.push(v);
         }
-        let (mut worst, mut size) = (0.0f64, 0.0f64);
+        let (mut worst, mut size) = (0.0f64, SMALLEST);
         for ((a, f), contact) in image.iter().zip(&f).zip(&is_contact) {
             size = size.max(a.abs()).max(f.abs());
             let rest = (a - f).abs();
@@ -432,7 +443,7 @@ impl<L: NodeLaw> ReducedContact<L> {
                 worst = worst.max(rest);
             }
         }
-        let equilibrium = if worst == 0.0 { 0.0 } else { worst / size };
+        let equilibrium = worst / size;
         let stiff = self.body.free(&image);
         let supports = self.body.load.support_state(&[alpha]);
         let state = BodyState::of(displacements.to_vec(), stiff, load, supports);
@@ -444,6 +455,7 @@ impl<L: NodeLaw> ReducedContact<L> {
                 [self.body.gap[i], at(0), at(1)]
             },
             (state.stored(), state.load_energy(), equilibrium),
+            0.0,
         ))
     }
 

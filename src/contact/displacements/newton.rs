@@ -10,6 +10,7 @@ use super::{
 };
 use crate::clock::{Clock, Deadline};
 use crate::contact::law::NodeLaw;
+use crate::contact::rounding::{SMALLEST, size_of_forces};
 use crate::contact::{ContactError, ContactResiduals, ContactState};
 
 /// Number of full steps that do not halve the best residual, after which steps are damped.
@@ -404,7 +405,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
     /// Residuals at u with the image A u.
     fn judge(&self, u: &[f64], image: &[f64], mut keep: Option<&mut Vec<Node>>) -> Outcome<State, S::Error> {
         let mut squares = 0.0;
-        let (mut balance, mut weight) = (0.0f64, 0.0f64);
+        let (mut balance, mut weight) = (0.0f64, SMALLEST);
         for ((f, a), contact) in self.load.iter().zip(image).zip(&self.is_contact) {
             let rest = f - a;
             weight = weight.max(f.abs()).max(a.abs());
@@ -415,7 +416,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
                 balance = balance.max(rest.abs());
             }
         }
-        let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, 0.0f64);
+        let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, SMALLEST);
         let (mut counts, mut moved, mut failure) = ([0.0; 3], 0.0, None);
         for i in 0..self.nodes.components.len() {
             let v = self.nodes.values(self.law, i, u, |k| self.load[k] - image[k]);
@@ -434,10 +435,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
                 .sum::<f64>();
             normal = normal.max(h[0].abs());
             tangential = tangential.max(h[1].abs()).max(h[2].abs());
-            size = size.max(v.pressure.abs()).max(v.r * v.penetration.abs());
-            for d in 0..2 {
-                size = size.max(v.traction[d].abs()).max(v.r * v.slip[d].abs());
-            }
+            size = size.max(size_of_forces(&v, self.nodes.offsets(i)));
             counts[match self.law.state(node.piece, &v) {
                 ContactState::Open => 0,
                 ContactState::Stick => 1,
@@ -462,13 +460,12 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
         if failed > 0.0 {
             return Err(failure.unwrap_or(Stop::Elsewhere));
         }
-        let relative = |h: f64, size: f64| if h == 0.0 { 0.0 } else { h / size };
         // Maxima ignore NaN, and any residual is small relative to an infinite force.
         let known = !sums[0].is_nan() && weight.is_finite() && size.is_finite();
         let residuals = ContactResiduals {
-            equilibrium: relative(balance, weight),
-            normal: relative(normal, size),
-            tangential: relative(tangential, size),
+            equilibrium: balance / weight,
+            normal: normal / size,
+            tangential: tangential / size,
         };
         Ok(State {
             residuals: if known { residuals } else { UNKNOWN },

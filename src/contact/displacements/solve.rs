@@ -73,6 +73,13 @@ pub struct ReducedNodes<'a> {
 }
 
 impl ReducedNodes<'_> {
+    /// The gap and the reference of the slips of node i.
+    pub(super) fn offsets(&self, i: usize) -> [f64; 3] {
+        let p = self.components.len();
+        let rest = |d: usize| self.reference.get(d * p + i).copied().unwrap_or(0.0);
+        [self.gap[i], rest(0), rest(1)]
+    }
+
     /// The values that the law receives at node i of this process, from the displacements u and the contact forces `force`, both by
     /// component.
     pub(super) fn values(

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 
 use crate::contact::Contact;
 use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
+use crate::contact::rounding::size_of_forces;
 use crate::contact::solution::piece_of;
 use crate::interface::View;
 use crate::linear::{DenseLu, LinearSolver};
@@ -245,10 +246,7 @@ impl ReducedNewton {
             look.changed |= std::mem::replace(&mut self.pieces[i], piece) != piece;
             let h = law.residual(piece, &v);
             look.worst = h[..blocks].iter().fold(look.worst, |m, h| m.max(h.abs()));
-            look.size = look.size.max(v.pressure.abs()).max(v.r * v.penetration.abs());
-            for d in 0..blocks - 1 {
-                look.size = look.size.max(v.traction[d].abs()).max(v.r * v.slip[d].abs());
-            }
+            look.size = look.size.max(size_of_forces(&v, [0.0; 3]));
             let mut node = Node::new(blocks, &h, &law.rows(piece, &v))?;
             node.first = look.order;
             look.order += node.rank;

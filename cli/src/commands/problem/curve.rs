@@ -5,7 +5,7 @@ use std::io::Write;
 use semismooth::continuation::{Branch, Continuation, ContinuationOptions, Direction, Termination};
 use semismooth::output::{BranchDiagram, Curve, Panel, write_csv};
 
-use super::{Case, short};
+use super::{Case, MAX_TIME, short};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::create;
@@ -22,7 +22,8 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
         true => Direction::Increasing,
         false => Direction::Decreasing,
     };
-    let options: ContinuationOptions = case.file.options()?;
+    let mut options: ContinuationOptions = case.file.options()?;
+    options.max_time.get_or_insert(MAX_TIME);
     let options = options.with_parameter_range((from.min(to), from.max(to)));
     let failed = |e| CommandError::failed("the curve of solutions", e);
     let progress = Progress::new(POSITIONS as u64, !case.prints())?;

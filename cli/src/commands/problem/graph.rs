@@ -6,7 +6,7 @@ use semismooth::continuation::{Diagram, DiagramCompleteness, DiagramOptions, Lim
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::output::{Panel, write_diagram_csv, write_diagram_json};
 
-use super::Case;
+use super::{Case, MAX_TIME};
 use super::curve::picture;
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
@@ -15,7 +15,8 @@ use crate::commands::text::{counted, fitted, wrapped};
 
 pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandError> {
     let [from, to] = case.file.range(&case.problem)?;
-    let options: DiagramOptions = case.file.options()?;
+    let mut options: DiagramOptions = case.file.options()?;
+    options.continuation.max_time.get_or_insert(MAX_TIME);
     let options = options.with_parameter_range((from.min(to), from.max(to)));
     let progress = Progress::new(1, !case.prints())?;
     let diagram = explore(case, &options, &progress);
@@ -88,7 +89,7 @@ fn explore(case: &Case<'_>, options: &DiagramOptions, progress: &Progress) -> Re
                 SectionProgress::Solutions(alpha) => progress.at(0, format!("all at {name} = {alpha}")),
                 _ => progress.flow(),
             };
-            let enumeration = EnumerationOptions::default();
+            let enumeration = EnumerationOptions::default().with_max_time(options.continuation.max_time);
             let found =
                 Diagram::explore_sections_observed(map, sections.get_ref(), options, &enumeration, observe);
             found.map_err(|e| case.file.wrong(sections, "run.sections", e))

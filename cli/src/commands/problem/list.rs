@@ -9,7 +9,7 @@ use semismooth::enumeration::{
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
-use super::Case;
+use super::{Case, MAX_TIME};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::{create, write_failed};
@@ -43,7 +43,8 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     let head: Vec<String> = head.chain(names).chain(sites).collect();
     writeln!(table, "{}\r", head.join(",")).map_err(write_failed(&path))?;
     let values = parameters(case)?;
-    let options: SearchOptions = case.file.options()?;
+    let mut options: SearchOptions = case.file.options()?;
+    options.max_time.get_or_insert(MAX_TIME);
     let progress = Progress::new(values.len() as u64, !case.prints())?;
     for (k, alpha) in values.into_iter().enumerate() {
         if progress.at(k as u64, format!("{alpha}")).is_break() {
@@ -101,9 +102,8 @@ fn find(
         x: s.x,
         selections: s.selections,
     };
-    match all_solutions_until(map, alpha, &EnumerationOptions::default(), &|| {
-        progress.cancelled()
-    }) {
+    let enumeration = EnumerationOptions::default().with_max_time(options.max_time);
+    match all_solutions_until(map, alpha, &enumeration, &|| progress.cancelled()) {
         Ok(found) if !is_curved(map, alpha, &found) => Ok(List {
             continua: found.continua.len(),
             index_sum: found.index_sum,

@@ -8,6 +8,7 @@ mod model;
 
 use std::io::Write;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use semismooth::output::{Colour, Column, SegmentStyle};
 use semismooth::piecewise::Selection;
@@ -20,6 +21,9 @@ use super::run_file::RunArgs;
 pub(super) const FOLLOW: &str = include_str!("follow.toml");
 pub(super) const DIAGRAM: &str = include_str!("diagram.toml");
 pub(super) const SOLUTIONS: &str = include_str!("solutions.toml");
+
+/// Time after which a curve, a diagram or a list ends, unless `max_time` in the run file's options says otherwise.
+const MAX_TIME: Duration = Duration::from_secs(60);
 
 /// A problem, and the settings for output of its solutions.
 struct Case<'a> {
