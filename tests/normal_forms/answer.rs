@@ -34,6 +34,8 @@ pub struct Local {
     pub kind: Option<Kind>,
     pub arms: Vec<FoundArm>,
     pub certainty: Certainty,
+    /// The same in its own words.
+    pub words: String,
 }
 
 /// Why there is no answer.
@@ -103,6 +105,7 @@ pub fn local(map: &dyn PiecewiseSmooth, x: &[f64], options: &ContinuationOptions
         kind: kind_of(found.kind),
         arms: found.arms.iter().map(self::found).collect(),
         certainty: certainty(&found.certainty),
+        words: found.certainty.to_string(),
     })
 }
 
@@ -130,6 +133,7 @@ pub fn explore(
             kind,
             arms: v.arms.iter().map(|a| found(&a.arm)).collect(),
             certainty: certainty(&v.certainty),
+            words: v.certainty.to_string(),
         };
         (v.x.clone(), local)
     });

@@ -178,7 +178,7 @@ impl<'a> Member<'a> {
         let continuum = entry.kinds == [Kind::Continuum];
         match answer.certainty {
             Certainty::Undecided => {
-                self.findings.undecided.push(said.clone());
+                self.findings.undecided.push(format!("{said}, {}", answer.words));
                 if !lost.is_empty() {
                     self.findings
                         .missing

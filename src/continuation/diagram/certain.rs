@@ -23,7 +23,10 @@ impl<O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'_, O> {
             is_start: false,
             arms: Vec::new(),
             complete: kind == VertexKind::Bound,
-            certainty: Certainty::Estimated,
+            certainty: match kind {
+                VertexKind::Bound => Certainty::Estimated,
+                _ => Certainty::Undecided(PointDoubt::NotSearched),
+            },
         };
         if kind == VertexKind::Bound
             && let Ok((x, arms, certainty)) = self.arms_at_bound(&point.x)

@@ -494,7 +494,14 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         let from = arc.from;
         let length = arc.points.last().map_or(0.0, |p| p.arclength);
         let last = arc.points.last().cloned();
-        let Some(point) = last.filter(|_| arc.points.len() > 1 && length > 0.0) else {
+        // A bound within the vertex itself.
+        let least = match (&last, termination) {
+            (Some(p), Termination::ParameterRange) => 4.0 * self.options.same_point * (1.0 + norm(&p.x)),
+            _ => 0.0,
+        };
+        let near = |p: &Point| self.diagram.vertex_near(&p.x) == Some(from.vertex);
+        let left = |p: &Point| arc.points.len() > 1 && (length > least || (length > 0.0 && !near(p)));
+        let Some(point) = last.filter(left) else {
             match termination {
                 Termination::ParameterRange => self.diagram.link_mut(from).outside = true,
                 _ => self.stopped_at(from.vertex, termination, failure),
@@ -505,15 +512,14 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             Termination::ParameterRange => VertexKind::Bound,
             other => VertexKind::Limit(other),
         };
-        let v = match self.diagram.vertex_near(&point.x) {
-            Some(v) => v,
-            None => self.vertex_at_end(&point, kind),
-        };
+        let known = self.diagram.vertex_near(&point.x);
+        let v = known.unwrap_or_else(|| self.vertex_at_end(&point, kind));
         let arm = self.slot_of_arrival(v, &arc, &point, &reversed(&point));
         self.close(&mut arc, EdgeEnd { vertex: v, arm });
         self.stopped_at(v, termination, failure);
-        for arm in 0..self.diagram.vertices[v].arms.len() {
-            self.pending.push_back(EdgeEnd { vertex: v, arm });
+        if known.is_none() {
+            let arms = 0..self.diagram.vertices[v].arms.len();
+            self.pending.extend(arms.map(|arm| EdgeEnd { vertex: v, arm }));
         }
     }
 

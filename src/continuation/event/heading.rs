@@ -50,7 +50,10 @@ impl Curve<'_> {
     }
 
     /// α̇ at a regular state, and a bound of its rounding error.
-    fn rate_of_parameter(&mut self, state: &State) -> Result<Option<(f64, f64)>, ContinuationError> {
+    pub(super) fn rate_of_parameter(
+        &mut self,
+        state: &State,
+    ) -> Result<Option<(f64, f64)>, ContinuationError> {
         let State { x, t, .. } = state;
         // The point was computed from the one before, and has its rounding errors where it is itself near zero.
         let other = if self.here.x.len() == x.len() {

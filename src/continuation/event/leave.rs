@@ -4,7 +4,7 @@ use crate::continuation::engine::{Curve, State, row_sizes, term_size};
 use crate::continuation::point::units::Units;
 use crate::continuation::{Arm, ContinuationError};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
-use crate::sparse::norm;
+use crate::sparse::{dot, norm};
 
 /// Share of the distance to a corrected point of an arm at which signs of determinants are taken: determinants grow with the distance from a
 /// singular point, so that they are far above rounding there.
@@ -44,10 +44,13 @@ impl Curve<'_> {
     /// Takes the signs of determinants from a point of the arm on which the curve leaves: at the point itself they may be rounding noise.
     fn take_signs_at(&mut self, probe: &[f64]) -> Result<(), ContinuationError> {
         let t = self.here.t.clone();
-        // Before the next singular point, if that is not too near.
-        let near: Vec<f64> = (self.here.x.iter().zip(probe))
-            .map(|(x, p)| x + NEAR * (p - x))
-            .collect();
+        // Before the next singular point, if that is not too near; along the parabola through the probe, as curves that touch lie on opposite
+        // sides of the chord.
+        let chord: Vec<f64> = probe.iter().zip(&self.here.x).map(|(p, x)| p - x).collect();
+        let along = dot(&chord, &t);
+        let bend = chord.iter().zip(&t).map(|(c, t)| c - along * t);
+        let ahead = bend.zip(&t).map(|(b, t)| NEAR * (along * t + NEAR * b));
+        let near: Vec<f64> = self.here.x.iter().zip(ahead).map(|(x, a)| x + a).collect();
         let probe = near.as_slice();
         for k in 0..self.coactive.len() {
             let selection = self.coactive[k].0.clone();

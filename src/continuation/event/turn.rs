@@ -28,8 +28,9 @@ impl Curve<'_> {
         );
         let simple =
             vanishing.len() == 1 && matches!(active.degenerate_sites(), [(_, pieces)] if pieces.len() == 2);
+        let mut jump = None;
         let first = (simple && self.here.orientation.is_some())
-            .then(|| self.simple_arm(&vanishing, &active))
+            .then(|| self.simple_arm(&vanishing, &active, &mut jump))
             .transpose()?;
         let (arms, arrival) = match first.flatten() {
             Some((arm, arrival)) => {
@@ -58,9 +59,19 @@ impl Curve<'_> {
                     search.following(&active, Wanted::After(&arrival), &before)?
                 };
                 let incoming = self.take_incoming(&mut arms)?;
-                if simple && arms.list.is_empty() && !arms.complete {
+                // It was met in the step before, too: the arm that was found there did not leave it.
+                let again = self.here.x == self.next.x;
+                match (jump, arms.list.as_slice()) {
+                    (Some(error), _) if again => return Err(error),
+                    // The curve does cross the facet, and there the map is not continuous.
+                    (Some(error), [arm]) if arm.grazing.is_empty() && arm.selection != self.selection => {
+                        return Err(error);
+                    }
                     // What cannot be decided to higher order may still be followed to first order.
-                    arms.list.extend(self.arm_beyond(&vanishing, &active)?);
+                    (None, []) if simple && !arms.complete => {
+                        arms.list.extend(self.arm_beyond(&vanishing, &active)?);
+                    }
+                    _ => {}
                 }
                 (
                     arms,
@@ -108,11 +119,12 @@ impl Curve<'_> {
 
     /// The arm where a single facet between two pieces is crossed, and the sign of α̇ on arrival, where the first order decides both: the
     /// kernel of the selection beyond the facet. Its sign is fixed by the margin of the cell entered; the determinant must agree (∇H jumps
-    /// by c ⊗ ∇θ).
+    /// by c ⊗ ∇θ). Where it does not, the map jumps, unless the curve touches the facet and does not cross it, which a higher order decides.
     fn simple_arm(
         &mut self,
         vanishing: &[Vanishing],
         active: &ActiveSet,
+        jump: &mut Option<ContinuationError>,
     ) -> Result<Option<(Arm, i8)>, ContinuationError> {
         let affine = self.map.is_piecewise_affine();
         if !affine && self.is_singular_here(&self.selection_beyond(active))? {
@@ -130,10 +142,15 @@ impl Curve<'_> {
         if let (Some(before), Some(after)) = (self.here.orientation, after)
             && before != after
         {
-            return Err(ContinuationError::Orientation {
+            let error = ContinuationError::Orientation {
                 parameter: self.here.x.last().copied().unwrap_or(f64::NAN),
                 site: self.map.site_name(vanishing[0].site).into_owned(),
-            });
+            };
+            if affine {
+                return Err(error);
+            }
+            *jump = Some(error);
+            return Ok(None);
         }
         Ok(Some((arm, before)))
     }

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use super::singular::ZERO_DETERMINANT;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
+use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::point::search::UNEXPLAINED;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{distance, norm};
@@ -140,6 +141,8 @@ impl Curve<'_> {
                 };
                 // Next to a facet that the curve has just left, rounding may violate it.
                 let leaves = g1 < -slack && !(g0 <= 0.0 && g1 >= g0) && !self.is_rounding(index);
+                // At its start a step from a facet that is touched may violate it by rounding, too.
+                let leaves = leaves && !(g0 <= g1.abs() && self.touches_first(index, facet));
                 if leaves || (g1.is_nan() && !g0.is_nan()) {
                     let fraction = match self.return_to(index, facet) {
                         Some(s) => s / step,
@@ -154,8 +157,14 @@ impl Curve<'_> {
         let (a0, a1) = (self.here.x[last], self.next.x[last]);
         let (t0, t1) = (self.here.t[last], self.next.t[last]);
         let (lower, upper) = self.options.parameter_range;
+        let vertical = (self.here.heading, self.next.heading) == (Some(0), Some(0));
+        let touched = self.touched_bound(located)?;
         let targets = self.options.targets.iter().map(|&v| (v, false));
         for (value, is_bound) in targets.chain([(lower, true), (upper, true)]) {
+            // Vertical segments on a bound stay on it.
+            if is_bound && (touched == Some(value) || (vertical && a0 == value)) {
+                continue;
+            }
             let arrived = a1 == value && a0 != value;
             let passed = if is_bound {
                 let outwards = if value == upper { 1.0 } else { -1.0 };
@@ -196,6 +205,32 @@ impl Curve<'_> {
             }
         }
         Ok(best.map(|b| b.1))
+    }
+
+    /// The bound on which `next`, an event where α turns or which the curve meets vertically, lies within rounding of α. As α stands still
+    /// there, the place where it reaches the bound would be the same point with half as many digits.
+    fn touched_bound(&mut self, located: &[Monitor]) -> Result<Option<f64>, ContinuationError> {
+        if !matches!(located.last(), Some(Monitor::Fold | Monitor::Facet { .. })) {
+            return Ok(None);
+        }
+        let next = std::mem::take(&mut self.next);
+        let rate = self.rate_of_parameter(&next);
+        self.next = next;
+        let (x, t) = (&self.next.x, &self.next.t);
+        let last = x.len() - 1;
+        if rate?.is_none_or(|(rate, rounding)| rate.abs() > rounding) {
+            return Ok(None);
+        }
+        let mut along = vec![0.0; x.len()];
+        along[last] = 1.0;
+        let Some(rounding) = self.corrector.rounding_of(&along, x, t) else {
+            return Ok(None);
+        };
+        let error = SAFETY * (rounding + f64::EPSILON * x[last].abs());
+        let (lower, upper) = self.options.parameter_range;
+        Ok([lower, upper]
+            .into_iter()
+            .find(|bound| (x[last] - bound).abs() <= error))
     }
 
     /// Whether a test function in whose zero set the curve runs has changed by rounding alone: its rates at both ends of the step do not

@@ -5,6 +5,7 @@ use std::cell::Cell;
 
 use super::arc::{Arc, Value};
 use super::search::RANK;
+use super::units::{changes, row_sizes};
 use crate::judge::equilibrate;
 use crate::linear::{Decomposition, decompose};
 use crate::piecewise::expansion::{Exactness, TERMS, along};
@@ -81,7 +82,16 @@ impl<'a> Extension<'a> {
             }
         };
         at(x, &mut jac)?;
-        let units = units(&jac, &changes(map, selection, x, &jac), x);
+        // Over distances of 1, and of the variables themselves: their units may be far larger.
+        let mut near = jac.clone();
+        for share in [0.0, 1.0] {
+            let away = |(j, x): (usize, &f64)| x + centred(j + 1, false) * (1.0 - share + share * x);
+            let away: Vec<f64> = x.iter().enumerate().map(away).collect();
+            let mut there = jac.clone();
+            at(&away, &mut there)?;
+            near = changes(&near, [&there, &jac], 1.0);
+        }
+        let units = units(&jac, &near, x);
         let apart = |sign: f64| -> Vec<f64> {
             let all = x.iter().zip(&units).enumerate();
             all.map(|(j, (x, unit))| x + sign * APART * unit * (1.0 + centred(j + 1, false)))
@@ -90,19 +100,9 @@ impl<'a> Extension<'a> {
         let (mut ahead, mut behind) = (jac.clone(), jac.clone());
         at(&apart(1.0), &mut ahead)?;
         at(&apart(-1.0), &mut behind)?;
-        let mut rows = vec![0.0_f64; jac.nrows()];
-        let changes = ahead
-            .values()
-            .iter()
-            .zip(behind.values())
-            .map(|(a, b)| (a - b).abs());
-        for ((i, j, v), change) in jac.triplets().zip(changes) {
-            rows[i] = rows[i]
-                .max(v.abs() * units[j])
-                .max(0.5 / APART * change * units[j]);
-        }
-        rows.iter_mut()
-            .for_each(|r| *r = if *r > 0.0 && r.is_finite() { r.recip() } else { 1.0 });
+        let mut sizes = changes(&jac, [&ahead, &behind], 0.5 / APART);
+        sizes.scale_columns(&units);
+        let rows = row_sizes(&sizes).into_iter().map(f64::recip).collect();
         let mut this = Self {
             frame,
             selection,
@@ -158,9 +158,14 @@ impl<'a> Extension<'a> {
         (least <= located.max(SAFETY * self.error)).then(|| self.rank - 1)
     }
 
-    /// Errors up to which numbers computed from coefficients of H are known, in balanced units.
+    /// Errors up to which numbers computed from coefficients of H in the kernel are known, in balanced units: the kernels turn by the errors
+    /// of the entries over the least singular value that counts.
     pub(super) fn resolution(&self) -> f64 {
-        self.error + self.noise.get()
+        let least = self
+            .rank
+            .checked_sub(1)
+            .map_or(1.0, |k| self.svd.values[k].min(1.0));
+        self.error / least + self.noise.get()
     }
 
     /// Dimension of the kernel.
@@ -347,21 +352,6 @@ struct Along {
 pub(super) struct Followed {
     pub(super) alpha: Vec<Value>,
     pub(super) tests: Vec<Vec<Value>>,
-}
-
-/// The larger of each entry of the Jacobian and of its change over distances of 1.
-fn changes(map: &dyn PiecewiseSmooth, selection: &Selection, x: &[f64], jac: &Matrix) -> Matrix {
-    let moved: Vec<f64> = x
-        .iter()
-        .enumerate()
-        .map(|(j, x)| x + centred(j + 1, false))
-        .collect();
-    let mut other = Matrix::zeros(jac.pattern().clone());
-    map.jacobian(selection, &moved, &mut other);
-    for (o, v) in other.values_mut().iter_mut().zip(jac.values()) {
-        *o = (*o - v).abs().max(v.abs());
-    }
-    other
 }
 
 /// The size of each variable: its own or, where that is smaller, the change that rounding of the terms of a row cannot tell from it. Where

@@ -6,6 +6,7 @@
 //! passes one facet at a time, and both of its ends at infinity run along arms, whatever other arms there are (Eaves 1976).
 
 use std::borrow::Cow;
+use std::cell::RefCell;
 
 use crate::clock::Deadline;
 use crate::continuation::engine::Solver;
@@ -60,7 +61,11 @@ pub(in crate::continuation) fn one_arm(
             _ => {}
         }
     }
-    let frozen = Frozen { map, x };
+    let frozen = Frozen {
+        map,
+        x,
+        jac: RefCell::new(Matrix::zeros(map.pattern())),
+    };
     let corrector = auto_corrector(&frozen)?;
     let mut path = Path {
         layout: TestLayout::new(map),
@@ -77,6 +82,8 @@ pub(in crate::continuation) fn one_arm(
 struct Frozen<'a> {
     map: &'a dyn PiecewiseSmooth,
     x: &'a [f64],
+    /// Derivatives of the selection whose values were asked for last.
+    jac: RefCell<Matrix>,
 }
 
 impl PiecewiseSmooth for Frozen<'_> {
@@ -111,7 +118,8 @@ impl PiecewiseSmooth for Frozen<'_> {
         self.map.test_derivatives(self.x, d, out);
     }
     fn residual(&self, selection: &Selection, d: &[f64], out: &mut [f64]) {
-        let mut jac = Matrix::zeros(self.pattern());
+        let mut jac = self.jac.borrow_mut();
+        jac.clear();
         self.jacobian(selection, d, &mut jac);
         jac.mul_vec(d, out);
     }

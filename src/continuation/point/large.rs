@@ -1,7 +1,7 @@
 //! Singular points of a selection: whether ∇H^(σ) is singular there, and which curves pass through them.
 
 use super::search::{ArmSearch, RANK};
-use super::units::Units;
+use super::units::{Units, changes, row_sizes};
 use crate::continuation::event::branch_point::BranchSystem;
 use crate::linear::{LinearSolver, null_space};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection};
@@ -74,18 +74,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         };
         let distance = NEAR * (1.0 + norm(x));
         let (ahead, behind, here) = (jacobian_at(distance)?, jacobian_at(-distance)?, jacobian_at(0.0)?);
-        let mut sizes = vec![0.0f64; map.num_residuals()];
-        let changes = ahead
-            .values()
-            .iter()
-            .zip(behind.values())
-            .map(|(a, b)| (a - b).abs());
-        for ((i, _, v), change) in here.triplets().zip(changes) {
-            sizes[i] = sizes[i].max(v.abs()).max(change / (2.0 * NEAR));
-        }
-        let rest = sizes.iter_mut().filter(|size| **size == 0.0);
-        rest.for_each(|size| *size = 1.0);
-        Ok(sizes)
+        Ok(row_sizes(&changes(&here, [&ahead, &behind], 0.5 / NEAR)))
     }
 
     /// The directions of the curves through a point where ∇H^(σ) is singular; `Err` where they are not decided, with the kernel unless

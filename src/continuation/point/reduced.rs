@@ -135,7 +135,7 @@ impl Extension<'_> {
     /// of a term across the root.
     fn through_root(&self, base: usize, c: &[f64; 2], shift: usize) -> Option<Arc> {
         let across = self.direction(&[-c[1], c[0]]);
-        let mut terms = vec![self.direction(c)];
+        let mut terms = vec![self.kernel_near(base, &self.direction(c))];
         while terms.len() < TERMS && terms.len() + shift < super::extension::ORDER {
             let r = self.rest(base, &terms);
             terms.push(self.solve(base, &r));
@@ -173,8 +173,9 @@ impl Extension<'_> {
         let across = [-along[1], along[0]];
         let q = a + c;
         let tangent = self.direction(&along);
+        let near = |base: usize| self.kernel_near(base, &tangent);
         let cubic =
-            self.measured(|base| self.obstruction(base, &self.completed(base, vec![tangent.clone()], 2))[0]);
+            self.measured(|base| self.obstruction(base, &self.completed(base, vec![near(base)], 2))[0]);
         match cubic.sign() {
             0 => self.beside_double_root(&tangent, &self.direction(&across), q),
             _ => {
@@ -183,11 +184,11 @@ impl Extension<'_> {
                 let side = ratio.signum();
                 let half = ratio.abs().sqrt();
                 let arm = |sign: f64| {
-                    let arc = Arc {
-                        terms: vec![tangent.iter().map(|t| side * t).collect()],
+                    let arc = |base: usize| Arc {
+                        terms: vec![near(base).iter().map(|t| side * t).collect()],
                         half: Some(self.direction(&across).iter().map(|v| sign * half * v).collect()),
                     };
-                    vec![arc; self.num_bases()]
+                    (0..self.num_bases()).map(arc).collect()
                 };
                 Reduced::Arms(vec![arm(1.0), arm(-1.0)])
             }
@@ -197,7 +198,7 @@ impl Extension<'_> {
     /// q t² + c₁ t s² + d s⁴: two curves that touch, t = w s² with the roots w, or none.
     fn beside_double_root(&self, tangent: &[f64], across: &[f64], q: f64) -> Reduced {
         let at = |base: usize, w: f64| {
-            let mut terms = self.completed(base, vec![tangent.to_vec()], 2);
+            let mut terms = self.completed(base, vec![self.kernel_near(base, tangent)], 2);
             terms[1].iter_mut().zip(across).for_each(|(t, a)| *t += w * a);
             self.obstruction(base, &self.completed(base, terms, 3))[0]
         };
@@ -220,7 +221,7 @@ impl Extension<'_> {
                     (-b + sign * (b * b - q * d).max(0.0).sqrt()) / q
                 };
                 let arc = |base: usize, sign: f64| {
-                    let mut terms = self.completed(base, vec![tangent.to_vec()], 2);
+                    let mut terms = self.completed(base, vec![self.kernel_near(base, tangent)], 2);
                     let w = root(base, sign);
                     terms[1].iter_mut().zip(across).for_each(|(t, a)| *t += w * a);
                     Arc::new(terms)
@@ -307,7 +308,7 @@ impl Extension<'_> {
 
     /// The arm along a simple common root of two quadratic forms: its second term solves two linear equations.
     fn through_point(&self, base: usize, c: &[f64; 3], forms: &[[f64; 6]; 2]) -> Option<Arc> {
-        let mut terms = self.completed(base, vec![self.direction(c)], 2);
+        let mut terms = self.completed(base, vec![self.kernel_near(base, &self.direction(c))], 2);
         let rest = self.obstruction(base, &terms);
         // The obstruction grows by 2 Q(c, β) with the component β of the second term in the kernel; β is orthogonal to c.
         let rows = [gradient(&forms[0], c), gradient(&forms[1], c), *c];

@@ -333,6 +333,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         if singular
             && self.vanishing.is_empty()
             && found.len() < CROSSING
+            && found
+                .iter()
+                .all(|f| f.arc.as_ref().is_none_or(|arc| arc.half.is_none()))
             && let Ok(directions) = self.branching_directions(selection)?
             && 2 * directions.len() > found.len()
         {

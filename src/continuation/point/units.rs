@@ -140,3 +140,23 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         equilibrate(jac.as_ref(), &mut row, &mut self.units, &mut largest);
     }
 }
+
+/// The larger of each entry of a Jacobian and of its change between two others of the same pattern, times a factor.
+pub(super) fn changes(jac: &Matrix, [from, to]: [&Matrix; 2], factor: f64) -> Matrix {
+    let mut larger = jac.clone();
+    let pairs = from.values().iter().zip(to.values());
+    for (v, (from, to)) in larger.values_mut().iter_mut().zip(pairs) {
+        *v = v.abs().max(factor * (to - from).abs());
+    }
+    larger
+}
+
+/// The largest entry of each row; 1 where there is none.
+pub(super) fn row_sizes(jac: &Matrix) -> Vec<f64> {
+    let mut sizes = vec![0.0_f64; jac.nrows()];
+    jac.triplets()
+        .for_each(|(i, _, v)| sizes[i] = sizes[i].max(v.abs()));
+    let unknown = |size: &&mut f64| !(**size > 0.0 && size.is_finite());
+    sizes.iter_mut().filter(unknown).for_each(|size| *size = 1.0);
+    sizes
+}

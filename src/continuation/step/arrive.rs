@@ -51,6 +51,11 @@ impl Curve<'_> {
 
     /// What happens at `here`.
     fn pass(&mut self, event: Option<Monitor>, corrections: usize) -> Result<(), ContinuationError> {
+        if let (Some(Monitor::Facet { .. } | Monitor::Fold), Some(alpha)) = (event, self.here.x.last_mut()) {
+            // A bound that is touched there lies beyond by rounding at most.
+            let (lower, upper) = self.options.parameter_range;
+            *alpha = alpha.max(lower).min(upper);
+        }
         match event {
             None => {
                 let point = self.point_here(PointKind::Step, corrections);
