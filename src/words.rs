@@ -15,7 +15,7 @@ const SHOWN: usize = 40;
 /// let wrong = "wedge".parse::<CellKind>().unwrap_err();
 /// assert_eq!(
 ///     wrong.to_string(),
-///     "\"wedge\" is no kind of cell: write triangle, quadrilateral, tetrahedron or hexahedron"
+///     "\"wedge\" is no kind of cell: write triangle, quadrilateral, tetrahedron, hexahedron or triangle6"
 /// );
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Error)]

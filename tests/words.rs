@@ -43,6 +43,7 @@ fn names_are_read_back() {
         CellKind::Quadrilateral,
         CellKind::Tetrahedron,
         CellKind::Hexahedron,
+        CellKind::Triangle6,
     ]);
     read_back(&[PlaneModel::Strain, PlaneModel::Stress]);
     read_back(&[Dilatation::Automatic, Dilatation::Pointwise, Dilatation::Mean]);

@@ -8,11 +8,12 @@ use semismooth::fem::{CellKind, FemError, Mesh};
 use crate::ffi::Int;
 use crate::world::{PetscError, World};
 
-const KINDS: [CellKind; 4] = [
+const KINDS: [CellKind; 5] = [
     CellKind::Triangle,
     CellKind::Quadrilateral,
     CellKind::Tetrahedron,
     CellKind::Hexahedron,
+    CellKind::Triangle6,
 ];
 
 /// Which process owns each node: recursive bisection of the longest side of the box around the nodes.

@@ -10,11 +10,12 @@ use crate::arrays::{counted, indices, rows, truncated};
 use crate::errors::raised;
 use crate::saving::{data, data_of, state_of};
 
-const KINDS: [(CellKind, &str, &str); 4] = [
+const KINDS: [(CellKind, &str, &str); 5] = [
     (CellKind::Triangle, "triangle", "triangle"),
     (CellKind::Quadrilateral, "quad", "quadrilateral"),
     (CellKind::Tetrahedron, "tetra", "tetrahedron"),
     (CellKind::Hexahedron, "hexahedron", "hexahedron"),
+    (CellKind::Triangle6, "triangle6", "triangle6"),
 ];
 
 /// Cells of one kind: its name, and their nodes.
@@ -27,7 +28,7 @@ type Block<'py> = (&'static str, Bound<'py, PyArray2<i64>>);
 /// ----------
 /// points : array of shape (number of nodes, d), d = 2 or 3
 /// cells : dict, or list of pairs
-///     Kind ("triangle", "quad", "tetra", "hexahedron", as meshio calls them) and an integer array of shape (k, nodes of a cell), numbered
+///     Kind ("triangle", "quad", "tetra", "hexahedron", "triangle6", as meshio calls them) and an integer array of shape (k, nodes of a cell), numbered
 ///     as in meshio, VTK and Gmsh. Cells numbered clockwise are reversed.
 /// facets, cell_groups : dict, optional
 ///     Names with facets, an integer array of shape (k, nodes of a facet) or a list of lists, and with cells: numbers, or a mask of shape
@@ -279,6 +280,12 @@ impl Mesh {
     /// The mesh with each cell cut into 2ᵈ; groups are kept.
     fn refined(&self, py: Python<'_>) -> PyResult<Self> {
         let mesh = py.detach(|| self.mesh.refined()).map_err(raised)?;
+        Ok(Self { mesh })
+    }
+
+    /// The same mesh with triangles of second order ("triangle6") in place of its triangles; groups are kept.
+    fn second_order(&self, py: Python<'_>) -> PyResult<Self> {
+        let mesh = py.detach(|| self.mesh.second_order()).map_err(raised)?;
         Ok(Self { mesh })
     }
 

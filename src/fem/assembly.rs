@@ -204,7 +204,7 @@ impl ElasticSystem {
         let mut counts: BTreeMap<(bool, &'static str), (CellKind, usize)> = BTreeMap::new();
         for cell in 0..self.mesh.num_cells() {
             let (kind, material) = (self.mesh.kind(cell), self.material_of[cell]);
-            let mean = self.mean_dilatation[material] && !kind.is_simplex();
+            let mean = self.mean_dilatation[material] && kind.is_box();
             if mean || self.locks(cell) {
                 counts.entry((mean, kind.name())).or_insert((kind, 0)).1 += 1;
             }
@@ -215,7 +215,9 @@ impl ElasticSystem {
                 true => format!("{cells} have the mean of their volumetric strain over the cell (B-bar)"),
                 false => {
                     let remedy = match kind {
-                        CellKind::Triangle => "mesh with quadrilaterals",
+                        CellKind::Triangle => {
+                            "mesh with quadrilaterals, or take triangles of second order (Mesh::second_order)"
+                        }
                         CellKind::Tetrahedron => "mesh with hexahedra",
                         _ => "take the mean of the volumetric strain (Dilatation::Automatic)",
                     };
@@ -238,9 +240,10 @@ impl ElasticSystem {
     }
 
     fn locks(&self, cell: usize) -> bool {
-        let (simplex, material) = (self.mesh.kind(cell).is_simplex(), self.material_of[cell]);
+        let (kind, material) = (self.mesh.kind(cell), self.material_of[cell]);
         let compressed = self.mesh.dim() == 3 || self.plane == PlaneModel::Strain;
-        compressed && (simplex || !self.mean_dilatation[material]) && self.materials[material].locks()
+        let stiff = kind.is_simplex() || kind.is_box() && !self.mean_dilatation[material];
+        compressed && stiff && self.materials[material].locks()
     }
 
     /// A: symmetric positive definite, one row a free displacement.
@@ -347,7 +350,7 @@ impl ElasticSystem {
         let mut load = vec![0.0; self.num_free()];
         for nodes in self.mesh.facet_group(facets)? {
             let mut failure = None;
-            integrate(self.mesh.points(), nodes, |at, shape, measure| {
+            integrate(&self.mesh, nodes, |at, shape, measure| {
                 match self.checked("the surface traction", at, traction(at)) {
                     Ok(t) => {
                         for (&node, s) in nodes.iter().zip(shape) {
@@ -426,13 +429,8 @@ impl ElasticSystem {
         let stress = |cell: usize| {
             let kind = self.mesh.kind(cell);
             let nodes = self.mesh.cell(cell);
-            let third = if kind.is_simplex() {
-                1.0 / (dim + 1) as f64
-            } else {
-                0.0
-            };
             let corners = self.mesh.corners(cell);
-            let (_, gradient, _) = map_cell(kind, &corners[..nodes.len()], [third; 3]);
+            let (_, gradient, _) = map_cell(kind, &corners[..nodes.len()], kind.centre());
             // h[d][e] = ∂u_d/∂x_e
             let mut h = [[0.0; 3]; 3];
             for (&node, g) in nodes.iter().zip(&gradient) {
@@ -443,7 +441,7 @@ impl ElasticSystem {
                 }
             }
             let mut strain = VOIGT.map(|[i, j]| if i == j { h[i][i] } else { h[i][j] + h[j][i] });
-            if self.mean_dilatation[self.material_of[cell]] && !kind.is_simplex() {
+            if self.mean_dilatation[self.material_of[cell]] && kind.is_box() {
                 let (mut dilatation, mut volume) = (0.0, 0.0);
                 for point in points_of(kind, &corners, false) {
                     volume += point.volume;

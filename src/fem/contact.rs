@@ -266,6 +266,9 @@ impl ElasticSystem {
 impl ElasticSystem {
     /// The nodes of a group of facets as contact nodes. Nodes with all components prescribed are left out.
     ///
+    /// Edges of second order have multipliers at their corners alone, linear between them; their rows are means of the displacement,
+    /// weighted by these functions.
+    ///
     /// Planes of symmetry: nodes whose displacement along ν is prescribed as 0 are left out, and tangents along which it is are
     /// [held](ContactRows::held). There ν must lie in the plane, and so must each tangent, or be orthogonal to it; normals of the
     /// boundary are those of the whole body.
@@ -288,10 +291,13 @@ impl ElasticSystem {
         let mesh = self.mesh();
         let dim = mesh.dim();
         let group = mesh.facet_group(facets)?;
+        if dim == 2 && group.iter().any(|edge| edge.len() == 3) {
+            return self.contact_at_corners(facets, foundation);
+        }
         let mut area = vec![0.0; mesh.num_nodes()];
         let mut normal = vec![[0.0; 3]; mesh.num_nodes()];
         for facet in group {
-            integrate(mesh.points(), facet, |_, shape, measure| {
+            integrate(mesh, facet, |_, shape, measure| {
                 for (&node, s) in facet.iter().zip(shape) {
                     area[node] += s * measure;
                 }

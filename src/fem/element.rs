@@ -2,10 +2,12 @@
 
 use crate::words::named;
 
-/// Kinds of cells, all with linear (simplices) or multilinear (boxes) shape functions.
+/// Kinds of cells: with linear (simplices) or multilinear (boxes) shape functions, and a triangle of second order.
 ///
 /// Nodes are numbered as in Gmsh and VTK: counter-clockwise in the plane; a tetrahedron with its fourth node on the side to which the
-/// normal of the first three points; a hexahedron as bottom face counter-clockwise seen from above, then top face.
+/// normal of the first three points; a hexahedron as bottom face counter-clockwise seen from above, then top face. The
+/// six nodes of a triangle of second order are its corners, then the middles of the edges from the first to the second corner, from the
+/// second to the third and back, which may lie beside the chords.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -18,6 +20,8 @@ pub enum CellKind {
     Tetrahedron,
     /// Eight nodes (Q1).
     Hexahedron,
+    /// Six nodes (P2), isoparametric.
+    Triangle6,
 }
 
 named!(CellKind, "kind of cell", Self::ALL);
@@ -28,18 +32,19 @@ pub(super) const MAX_NODES: usize = 8;
 const G: f64 = 0.577_350_269_189_625_8;
 
 impl CellKind {
-    const ALL: [Self; 4] = [
+    const ALL: [Self; 5] = [
         Self::Triangle,
         Self::Quadrilateral,
         Self::Tetrahedron,
         Self::Hexahedron,
+        Self::Triangle6,
     ];
 
     /// 2 or 3.
     #[must_use]
     pub const fn dim(self) -> usize {
         match self {
-            Self::Triangle | Self::Quadrilateral => 2,
+            Self::Triangle | Self::Quadrilateral | Self::Triangle6 => 2,
             Self::Tetrahedron | Self::Hexahedron => 3,
         }
     }
@@ -51,10 +56,11 @@ impl CellKind {
             Self::Triangle => 3,
             Self::Quadrilateral | Self::Tetrahedron => 4,
             Self::Hexahedron => 8,
+            Self::Triangle6 => 6,
         }
     }
 
-    /// "triangle", "quadrilateral", "tetrahedron" or "hexahedron".
+    /// "triangle", "quadrilateral", "tetrahedron", "hexahedron" or "triangle6".
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -62,15 +68,18 @@ impl CellKind {
             Self::Quadrilateral => "quadrilateral",
             Self::Tetrahedron => "tetrahedron",
             Self::Hexahedron => "hexahedron",
+            Self::Triangle6 => "triangle6",
         }
     }
 
-    /// Local nodes of the facets (edges in the plane, faces in space), ordered so that the normal points outwards.
+    /// Local nodes of the facets (edges in the plane, faces in space), ordered so that the normal points outwards: corners, then the
+    /// middle of an edge of second order.
     #[must_use]
     pub const fn facets(self) -> &'static [&'static [usize]] {
         match self {
             Self::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
             Self::Quadrilateral => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
+            Self::Triangle6 => &[&[0, 1, 3], &[1, 2, 4], &[2, 0, 5]],
             Self::Tetrahedron => &[&[0, 2, 1], &[0, 1, 3], &[1, 2, 3], &[0, 3, 2]],
             Self::Hexahedron => &[
                 &[0, 3, 2, 1],
@@ -86,6 +95,16 @@ impl CellKind {
     /// Quadrature points and weights on the reference cell, exact for the stiffness of an undistorted cell.
     pub(super) fn quadrature(self) -> Vec<([f64; 3], f64)> {
         match self {
+            // Degree 4: D. A. Dunavant, Int. J. Numer. Methods Eng. 21 (1985).
+            Self::Triangle6 => [
+                (0.445_948_490_915_964_9, 0.111_690_794_839_005_7),
+                (0.091_576_213_509_770_74, 0.054_975_871_827_660_93),
+            ]
+            .iter()
+            .flat_map(|&(a, w)| {
+                [[a, a], [1.0 - 2.0 * a, a], [a, 1.0 - 2.0 * a]].map(|[x, y]| ([x, y, 0.0], w))
+            })
+            .collect(),
             Self::Triangle => vec![
                 ([1.0 / 6.0, 1.0 / 6.0, 0.0], 1.0 / 6.0),
                 ([2.0 / 3.0, 1.0 / 6.0, 0.0], 1.0 / 6.0),
@@ -118,9 +137,31 @@ impl CellKind {
         matches!(self, Self::Triangle | Self::Tetrahedron)
     }
 
-    /// Corners of the reference cell.
+    /// Quadrilaterals and hexahedra of first order.
+    pub(super) const fn is_box(self) -> bool {
+        matches!(self, Self::Quadrilateral | Self::Hexahedron)
+    }
+
+    /// The centre of the reference cell.
+    pub(super) const fn centre(self) -> [f64; 3] {
+        match self {
+            Self::Triangle | Self::Triangle6 => [1.0 / 3.0; 3],
+            Self::Tetrahedron => [0.25; 3],
+            Self::Quadrilateral | Self::Hexahedron => [0.0; 3],
+        }
+    }
+
+    /// Nodes of the reference cell.
     pub(super) const fn corners(self) -> &'static [[f64; 3]] {
         match self {
+            Self::Triangle6 => &[
+                [0.0; 3],
+                [1.0, 0.0, 0.0],
+                [0.0, 1.0, 0.0],
+                [0.5, 0.0, 0.0],
+                [0.5, 0.5, 0.0],
+                [0.0, 0.5, 0.0],
+            ],
             Self::Triangle => &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
             Self::Quadrilateral => &[
                 [-1.0, -1.0, 0.0],
@@ -146,7 +187,20 @@ impl CellKind {
     pub(super) fn shape(self, x: [f64; 3]) -> ([f64; MAX_NODES], [[f64; 3]; MAX_NODES]) {
         let mut value = [0.0; MAX_NODES];
         let mut gradient = [[0.0; 3]; MAX_NODES];
-        if self.is_simplex() {
+        if self == Self::Triangle6 {
+            // By barycentric coordinates: λ (2 λ − 1) at corners, 4 λ μ at the middles of edges.
+            let l = [1.0 - x[0] - x[1], x[0], x[1]];
+            let d = [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
+            for a in 0..3 {
+                let b = (a + 1) % 3;
+                value[a] = l[a] * (2.0 * l[a] - 1.0);
+                value[3 + a] = 4.0 * l[a] * l[b];
+                for k in 0..2 {
+                    gradient[a][k] = (4.0 * l[a] - 1.0) * d[a][k];
+                    gradient[3 + a][k] = 4.0 * (l[a] * d[b][k] + l[b] * d[a][k]);
+                }
+            }
+        } else if self.is_simplex() {
             let dim = self.dim();
             value[0] = 1.0;
             for d in 0..dim {
@@ -170,11 +224,17 @@ impl CellKind {
     }
 }
 
-/// Quadrature on a facet with the given number of nodes (2: segment, 3: triangle, 4: quadrilateral): shape values at each point,
-/// reference gradients, weight.
-pub(super) fn facet_quadrature(nodes: usize) -> Vec<FacetPoint> {
-    let kind = match nodes {
-        2 => {
+/// Quadrature on a facet of a body of a dimension, with the given number of nodes (in the plane 2, or 3 with the middle of a segment of
+/// second order; in space 3: triangle, 4: quadrilateral): shape values at each point, reference gradients, weight.
+pub(super) fn facet_quadrature(dim: usize, nodes: usize) -> Vec<FacetPoint> {
+    let kind = match (dim, nodes) {
+        (2, 3) => {
+            let far = 0.6f64.sqrt();
+            return [(-far, 5.0 / 9.0), (0.0, 8.0 / 9.0), (far, 5.0 / 9.0)]
+                .map(|(s, weight)| FacetPoint { weight, ..segment(s) })
+                .to_vec();
+        }
+        (2, _) => {
             return [-G, G]
                 .map(|s| FacetPoint {
                     value: [0.5 * (1.0 - s), 0.5 * (1.0 + s), 0.0, 0.0],
@@ -183,7 +243,7 @@ pub(super) fn facet_quadrature(nodes: usize) -> Vec<FacetPoint> {
                 })
                 .to_vec();
         }
-        3 => CellKind::Triangle,
+        (_, 3) => CellKind::Triangle,
         _ => CellKind::Quadrilateral,
     };
     kind.quadrature()
@@ -197,6 +257,15 @@ pub(super) fn facet_quadrature(nodes: usize) -> Vec<FacetPoint> {
             }
         })
         .collect()
+}
+
+/// A segment of second order at −1 ≤ s ≤ 1: ends, then the middle.
+pub(super) fn segment(s: f64) -> FacetPoint {
+    FacetPoint {
+        value: [0.5 * s * (s - 1.0), 0.5 * s * (s + 1.0), 1.0 - s * s, 0.0],
+        gradient: [[s - 0.5, 0.0], [s + 0.5, 0.0], [-2.0 * s, 0.0], [0.0; 2]],
+        weight: 0.0,
+    }
 }
 
 #[derive(Debug, Clone, Copy)]

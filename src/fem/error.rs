@@ -63,6 +63,16 @@ pub enum FemError {
         /// Dimension of the mesh.
         dim: usize,
     },
+    /// A cell for which there is no such operation: triangles alone have a second order, and cells of second order are not divided.
+    #[error(
+        "cell {cell} is a {kind}: triangles have a second order, other cells do not, and cells of second order are not divided"
+    )]
+    Order {
+        /// The cell.
+        cell: usize,
+        /// Its kind.
+        kind: &'static str,
+    },
     /// A dimension other than 2 or 3.
     #[error("a mesh has dimension 2 or 3, not {dim}")]
     Dimension {

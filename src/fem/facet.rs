@@ -1,11 +1,16 @@
 //! Integration over facets of the boundary.
 
-use super::element::facet_quadrature;
+use super::Mesh;
+use super::element::{facet_quadrature, segment};
 use super::mesh::{cross, norm};
 
 /// Calls `f(point, shape values, weight × measure)` at the quadrature points of a facet.
-pub(super) fn integrate(points: &[[f64; 3]], nodes: &[usize], mut f: impl FnMut([f64; 3], &[f64], f64)) {
-    for q in facet_quadrature(nodes.len()) {
+pub(super) fn integrate(mesh: &Mesh, nodes: &[usize], f: impl FnMut([f64; 3], &[f64], f64)) {
+    over_facet(mesh.dim(), mesh.points(), nodes, f);
+}
+
+fn over_facet(dim: usize, points: &[[f64; 3]], nodes: &[usize], mut f: impl FnMut([f64; 3], &[f64], f64)) {
+    for q in facet_quadrature(dim, nodes.len()) {
         let (at, measure) = geometry(points, nodes, &q.value, &q.gradient);
         f(at, &q.value[..nodes.len()], q.weight * measure);
     }
@@ -13,13 +18,28 @@ pub(super) fn integrate(points: &[[f64; 3]], nodes: &[usize], mut f: impl FnMut(
 
 /// The same on each part of a facet that lies nearest to one of its corners in reference coordinates (halves of a segment, quarters
 /// of a quadrilateral, thirds of a triangle): `f(corner, point, shape values, weight × measure)`.
-pub(super) fn integrate_parts(
+pub(super) fn integrate_parts(mesh: &Mesh, nodes: &[usize], f: impl FnMut(usize, [f64; 3], &[f64], f64)) {
+    over_parts(mesh.dim(), mesh.points(), nodes, f);
+}
+
+fn over_parts(
+    dim: usize,
     points: &[[f64; 3]],
     nodes: &[usize],
     mut f: impl FnMut(usize, [f64; 3], &[f64], f64),
 ) {
-    let rule = facet_quadrature(nodes.len());
+    let rule = facet_quadrature(dim, nodes.len());
     let k = nodes.len();
+    if dim == 2 && k == 3 {
+        for (corner, shift) in [(0, -0.5), (1, 0.5)] {
+            for (q, s) in rule.iter().zip([-0.6f64.sqrt(), 0.0, 0.6f64.sqrt()]) {
+                let here = segment(shift + 0.5 * s);
+                let (at, measure) = geometry(points, nodes, &here.value, &here.gradient);
+                f(corner, at, &here.value[..3], 0.5 * q.weight * measure);
+            }
+        }
+        return;
+    }
     if k == 3 {
         // Corner, middle of an edge, centroid: six triangles of a sixth of the area.
         for corner in 0..3 {
@@ -88,7 +108,8 @@ fn geometry(
             tangents[1][d] += gradient[a][1] * points[node][d];
         }
     }
-    let measure = if nodes.len() == 2 {
+    // Segments have no second tangent.
+    let measure = if gradient.iter().all(|g| g[1] == 0.0) {
         norm(tangents[0])
     } else {
         norm(cross(tangents[0], tangents[1]))
@@ -109,34 +130,40 @@ mod tests {
             [1.7, 1.5, 0.0],
             [-0.2, 1.1, 0.4],
         ];
-        for nodes in [vec![0, 1], vec![0, 1, 2], vec![0, 1, 2, 3]] {
+        for (dim, nodes) in [
+            (2, vec![0, 1]),
+            (2, vec![0, 1, 2]),
+            (3, vec![0, 1, 2]),
+            (3, vec![0, 1, 2, 3]),
+        ] {
             let (mut whole, mut parts) = ([0.0; 4], [0.0; 4]);
             let mut size = [0.0; 4];
-            integrate(&points, &nodes, |x, shape, w| {
+            over_facet(dim, &points, &nodes, |x, shape, w| {
                 assert!((shape.iter().sum::<f64>() - 1.0).abs() < 1e-14);
                 for d in 0..3 {
                     whole[d] += w * x[d];
                 }
                 whole[3] += w;
             });
-            integrate_parts(&points, &nodes, |corner, x, shape, w| {
+            over_parts(dim, &points, &nodes, |corner, x, shape, w| {
                 assert!((shape.iter().sum::<f64>() - 1.0).abs() < 1e-14);
-                assert!(shape.iter().all(|s| shape[corner] >= *s));
+                assert!(dim == 2 && nodes.len() == 3 || shape.iter().all(|s| shape[corner] >= *s));
                 for d in 0..3 {
                     parts[d] += w * x[d];
                 }
                 parts[3] += w;
                 size[corner] += w;
             });
-            // The area element of a skew quadrilateral is not a polynomial.
-            let tolerance = if nodes.len() == 4 { 1e-3 } else { 1e-14 };
+            // The area element of a skew quadrilateral or a bent segment is not a polynomial.
+            let straight = nodes.len() == dim;
+            let tolerance = if straight { 1e-14 } else { 1e-2 };
             for d in 0..4 {
                 assert!(
                     (whole[d] - parts[d]).abs() <= tolerance * whole[3],
                     "{whole:?} {parts:?}"
                 );
             }
-            if nodes.len() < 4 {
+            if straight {
                 let share = whole[3] / nodes.len() as f64;
                 assert!(size[..nodes.len()].iter().all(|s| (s - share).abs() < 1e-14));
             }

@@ -106,6 +106,8 @@ fn shape(kind: i64) -> Option<(i64, usize)> {
         3 => Some((2, 4)),
         4 => Some((3, 4)),
         5 => Some((3, 8)),
+        8 => Some((1, 3)),
+        9 => Some((2, 6)),
         _ => None,
     }
 }
@@ -161,6 +163,7 @@ impl File {
                 3 => CellKind::Quadrilateral,
                 4 => CellKind::Tetrahedron,
                 5 => CellKind::Hexahedron,
+                9 => CellKind::Triangle6,
                 _ => CellKind::Triangle,
             };
             let own = shape(element.kind).map_or(0, |s| s.0);

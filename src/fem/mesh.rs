@@ -88,6 +88,10 @@ impl Mesh {
                 let nodes = &mut mesh.nodes[mesh.first[cell]..mesh.first[cell + 1]];
                 match kind {
                     CellKind::Triangle => nodes.swap(1, 2),
+                    CellKind::Triangle6 => {
+                        nodes.swap(1, 2);
+                        nodes.swap(3, 5);
+                    }
                     CellKind::Quadrilateral => nodes.swap(1, 3),
                     CellKind::Tetrahedron => nodes.swap(1, 2),
                     CellKind::Hexahedron => {
@@ -294,12 +298,13 @@ impl Mesh {
     /// Normal times length or area of a facet.
     pub(super) fn area_vector(&self, nodes: &[usize]) -> [f64; 3] {
         let p = |a: usize| self.points[nodes[a]];
-        match nodes.len() {
-            2 => {
+        match (self.dim, nodes.len()) {
+            // Of a bent edge, too: the integral of the normal.
+            (2, _) => {
                 let d = difference(p(1), p(0));
                 [d[1], -d[0], 0.0]
             }
-            3 => cross(difference(p(1), p(0)), difference(p(2), p(0))).map(|x| 0.5 * x),
+            (_, 3) => cross(difference(p(1), p(0)), difference(p(2), p(0))).map(|x| 0.5 * x),
             _ => cross(difference(p(2), p(0)), difference(p(3), p(1))).map(|x| 0.5 * x),
         }
     }
@@ -321,7 +326,7 @@ impl Mesh {
         number
     }
 
-    /// Adds facets, given by their nodes, to a group.
+    /// Adds facets, given by their nodes, to a group. Edges of second order may be given by their ends alone.
     ///
     /// # Errors
     /// Facets with too few or too many nodes or one node twice, nodes that do not exist.
@@ -330,9 +335,16 @@ impl Mesh {
         name: impl Into<String>,
         facets: Vec<Vec<usize>>,
     ) -> Result<(), FemError> {
-        for (index, nodes) in facets.iter().enumerate() {
+        let mut facets = facets;
+        let middles = self.middles();
+        for (index, nodes) in facets.iter_mut().enumerate() {
+            let ends = nodes.get(..2).map(|ends| key(ends.iter().copied()));
+            let middle = ends.and_then(|ends| middles.get(&ends).copied());
+            if nodes.len() == 2 && self.dim == 2 {
+                nodes.extend(middle);
+            }
             let fits = match self.dim {
-                2 => nodes.len() == 2,
+                2 => nodes.len() == 2 || nodes.len() == 3 && middle == nodes.last().copied(),
                 _ => nodes.len() == 3 || nodes.len() == 4,
             };
             if !fits {
@@ -356,6 +368,66 @@ impl Mesh {
         }
         self.facet_groups.entry(name.into()).or_default().extend(facets);
         Ok(())
+    }
+
+    /// The middle node of each edge of second order.
+    fn middles(&self) -> HashMap<[usize; 4], usize> {
+        let mut middles = HashMap::new();
+        for cell in (0..self.num_cells()).filter(|&c| self.kinds[c] == CellKind::Triangle6) {
+            let nodes = self.cell(cell);
+            for edge in CellKind::Triangle6.facets() {
+                middles.insert(key([nodes[edge[0]], nodes[edge[1]]].into_iter()), nodes[edge[2]]);
+            }
+        }
+        middles
+    }
+
+    /// The same mesh with triangles of second order in place of its triangles: with the middles of their edges as further nodes, at the
+    /// end. Groups are kept.
+    ///
+    /// # Errors
+    /// Cells other than triangles ([`FemError::Order`]).
+    ///
+    /// ```
+    /// use semismooth::fem::{CellKind, Mesh};
+    /// let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2])?.simplices()?.second_order()?;
+    /// assert_eq!((mesh.num_nodes(), mesh.kind(0)), (9 * 5, CellKind::Triangle6));
+    /// assert_eq!(mesh.facet_group("bottom")?[0].len(), 3);
+    /// # Ok::<(), semismooth::fem::FemError>(())
+    /// ```
+    pub fn second_order(&self) -> Result<Self, FemError> {
+        let mut points = self.points.clone();
+        let mut middles: HashMap<[usize; 4], usize> = HashMap::new();
+        let mut cells = Vec::with_capacity(self.num_cells());
+        for cell in 0..self.num_cells() {
+            let mut nodes = self.cell(cell).to_vec();
+            match self.kinds[cell] {
+                CellKind::Triangle6 => {}
+                CellKind::Triangle => {
+                    for k in 0..3 {
+                        let ends = [nodes[k], nodes[(k + 1) % 3]];
+                        nodes.push(*middles.entry(key(ends.into_iter())).or_insert_with(|| {
+                            points.push(mean(ends.map(|n| self.points[n]).into_iter()));
+                            points.len() - 1
+                        }));
+                    }
+                }
+                kind => {
+                    return Err(FemError::Order {
+                        cell,
+                        kind: kind.name(),
+                    });
+                }
+            }
+            cells.push((CellKind::Triangle6, nodes));
+        }
+        let mut mesh = Self::new(self.dim, points, cells)?;
+        for (name, list) in &self.facet_groups {
+            mesh.add_facet_group(name.clone(), list.clone())?;
+        }
+        mesh.cell_groups.clone_from(&self.cell_groups);
+        mesh.is_part = self.is_part;
+        Ok(mesh)
     }
 
     /// Adds the cells for which `choose(centre)` is true to a group. Returns their number.

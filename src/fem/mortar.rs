@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-use super::contact::{Along, NOTHING, frame, unit};
+use super::contact::{Along, INWARD, NOTHING, frame, unit};
+use super::facet::integrate;
 use super::mesh::{by_position, dot};
 use super::overlap::{Meeting, Side};
-use super::{ContactRows, ElasticSystem, FemError};
+use super::{ContactRows, ElasticSystem, FemError, Foundation};
 
 /// Share of a facet by which rounding may cover it more than once: far below the overlap of two facets of a mesh.
 const ROUNDING: f64 = 1e-9;
@@ -106,7 +107,7 @@ impl ElasticSystem {
     /// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3)?).fix("base").fix("top").assemble()?;
     /// let rows = system.contact_between("upper", "lower", &Mortar::default())?;
     /// assert_eq!(rows.nodes, [0, 1]);
-    /// assert!(rows.gap[0].abs() < 1e-15 && (rows.areas[0] - 0.5).abs() < 1e-15);
+    /// assert!(rows.gap[0].abs() < 1e-14 && (rows.areas[0] - 0.5).abs() < 1e-14);
     /// # Ok::<(), semismooth::fem::FemError>(())
     /// ```
     pub fn contact_between(
@@ -118,9 +119,7 @@ impl ElasticSystem {
         let mesh = self.mesh();
         let sides = |group: &str| -> Result<Vec<Side<'_>>, FemError> {
             let facets = mesh.facet_group(group)?.iter();
-            Ok(facets
-                .map(|f| Side::new(mesh.points(), f, mesh.area_vector(f)))
-                .collect())
+            Ok(facets.map(|f| Side::new(mesh, f)).collect())
         };
         let (own, other) = (sides(slave)?, sides(master)?);
         let reach = mortar.reach.unwrap_or(f64::INFINITY);
@@ -137,8 +136,9 @@ impl ElasticSystem {
         }
         // Parts of the master between the corners of one facet.
         for (side, (met, _)) in own.iter().zip(&opposite) {
-            if !met.is_empty() && side.nodes.iter().all(|&n| !active[n]) {
-                side.nodes.iter().for_each(|&n| active[n] = free(n));
+            let corners = &side.nodes[..side.num_corners()];
+            if !met.is_empty() && corners.iter().all(|&n| !active[n]) {
+                corners.iter().for_each(|&n| active[n] = free(n));
             }
         }
         let mut normal: BTreeMap<usize, [f64; 3]> = BTreeMap::new();
@@ -158,32 +158,109 @@ impl ElasticSystem {
             });
         }
         list.sort_by(|a, b| by_position(mesh.points()[a.0], mesh.points()[b.0]));
-        self.rows_of(&list, &normal, mortar)
+        let axes = |node: usize, at: [f64; 3]| {
+            let sum = normal.get(&node).copied().unwrap_or_default();
+            (
+                self.symmetric_normal(node, sum),
+                mortar.tangent.as_ref().map(|f| f(at)),
+            )
+        };
+        self.rows_of(&list, axes)
+    }
+
+    /// The contact rows of edges of second order against a foundation: multipliers are the linear functions of the corners, to which those
+    /// of corners without a free displacement are added.
+    pub(super) fn contact_at_corners(
+        &self,
+        facets: &str,
+        foundation: &Foundation,
+    ) -> Result<ContactRows, FemError> {
+        let mesh = self.mesh();
+        let mut normal: BTreeMap<usize, [f64; 3]> = BTreeMap::new();
+        let mut multipliers: BTreeMap<usize, Multiplier> = BTreeMap::new();
+        for facet in mesh.facet_group(facets)? {
+            let side = Side::new(mesh, facet);
+            let free = |k: &usize| (0..mesh.dim()).any(|d| self.dof(facet[*k], d).is_some());
+            let active: Vec<usize> = (0..side.num_corners()).filter(free).collect();
+            let mut failure = None;
+            integrate(mesh, facet, |at, shape, measure| {
+                let values = std::array::from_fn(|k| shape.get(k).copied().unwrap_or(0.0));
+                let (psi, gap) = (extended(&side.hats(&values), &active), foundation.gap_at(at));
+                if !gap.is_finite() {
+                    failure = Some(FemError::NotFinite {
+                        what: "the gap",
+                        at,
+                        value: gap,
+                    });
+                }
+                for (&k, psi) in active.iter().zip(psi) {
+                    let multiplier = multipliers.entry(facet[k]).or_default();
+                    multiplier.area += measure * psi;
+                    multiplier.gap += measure * psi * gap;
+                    for (&node, s) in facet.iter().zip(shape) {
+                        *multiplier.own.entry(node).or_insert(0.0) += measure * psi * s;
+                    }
+                }
+            });
+            if let Some(e) = failure {
+                return Err(e);
+            }
+            for k in active {
+                let sum = normal.entry(facet[k]).or_default();
+                (0..3).for_each(|d| sum[d] += side.measure * side.normal[d]);
+            }
+        }
+        let sum_at = |node: usize| normal.get(&node).copied().unwrap_or_default();
+        let axes = |node: usize, at: [f64; 3]| {
+            let nu = foundation.normal_at(at);
+            let nu = nu.unwrap_or_else(|| self.symmetric_normal(node, sum_at(node)));
+            (nu, foundation.tangent_at(at))
+        };
+        let mut list: Vec<(usize, Multiplier)> = multipliers.into_iter().collect();
+        list.retain(|(node, _)| self.along(*node, axes(*node, mesh.points()[*node]).0) != Along::Held);
+        let Some(&(first, _)) = list.first() else {
+            return match mesh.is_part() {
+                true => self.rows_of(&list, axes),
+                false => Err(FemError::EmptyGroup {
+                    what: "facets with a free node",
+                    name: facets.into(),
+                }),
+            };
+        };
+        list.sort_by(|a, b| by_position(mesh.points()[a.0], mesh.points()[b.0]));
+        let rows = self.rows_of(&list, axes)?;
+        if rows
+            .nodes
+            .iter()
+            .zip(&rows.normals)
+            .all(|(n, nu)| dot(*nu, sum_at(*n)) < 0.0)
+        {
+            return Err(FemError::Frame {
+                node: first,
+                what: INWARD.into(),
+            });
+        }
+        Ok(rows)
     }
 
     fn rows_of(
         &self,
         list: &[(usize, Multiplier)],
-        normal: &BTreeMap<usize, [f64; 3]>,
-        mortar: &Mortar,
+        axes: impl Fn(usize, [f64; 3]) -> ([f64; 3], Option<[f64; 3]>),
     ) -> Result<ContactRows, FemError> {
         let (dim, points) = (self.mesh().dim(), self.mesh().points());
         let mut rows = ContactRows::empty();
         let mut entries = [Vec::new(), Vec::new(), Vec::new()];
         for (i, (node, multiplier)) in list.iter().enumerate() {
             let (node, at) = (*node, points[*node]);
-            let sum = normal.get(&node).copied().unwrap_or_default();
-            let nu = unit(
-                node,
-                dim,
-                self.symmetric_normal(node, sum),
-                "its normal is zero or not finite",
-            )?;
-            let tangents = frame(node, dim, nu, mortar.tangent.as_ref().map(|f| f(at)))?;
+            let (nu, tangent) = axes(node, at);
+            let nu = unit(node, dim, nu, "its normal is zero or not finite")?;
+            let tangents = frame(node, dim, nu, tangent)?;
             let mut held = [false; 2];
             for (d, direction) in [nu, tangents[0], tangents[1]].into_iter().enumerate().take(dim) {
                 let name = if d == 0 { "normal" } else { "tangential" };
-                let mut others = multiplier.other.keys();
+                let others = &multiplier.other;
+                let at_rest = |n: &usize| self.along(*n, direction) == Along::Held;
                 let own = self.along(node, direction);
                 if own == Along::Oblique {
                     return Err(FemError::ObliqueAxis {
@@ -192,7 +269,7 @@ impl ElasticSystem {
                         direction: name,
                     });
                 }
-                if d > 0 && own == Along::Held && others.any(|n| self.along(*n, direction) == Along::Held) {
+                if d > 0 && own == Along::Held && (others.is_empty() || others.keys().any(at_rest)) {
                     held[d - 1] = true;
                     rows.resting.push((node, direction));
                     continue;
@@ -250,7 +327,8 @@ fn meetings<'a>(
 /// Adds the contributions of one facet to the multipliers of its active nodes.
 ///
 /// With φ̃ the shape functions of the active nodes, to which those of the others are added in equal parts, ψ = E N⁻¹ φ̃ with
-/// N_jl = ∫ φ̃_j φ_l and E_l = ∫ φ_l over the covered part: ∫ ψ_i φ_l = δ_il E_l for active nodes, and Σ ψ_i = 1.
+/// N_jl = ∫ φ̃_j φ_l and E_l = ∫ φ_l over the covered part: ∫ ψ_i φ_l = δ_il E_l for active nodes, and Σ ψ_i = 1. On edges of second
+/// order ψ are the linear functions of the corners, extended in the same way.
 fn pair(
     side: &Side<'_>,
     (met, covered): &(Met<'_>, [bool; 4]),
@@ -258,8 +336,9 @@ fn pair(
     mortar: &Mortar,
     multipliers: &mut BTreeMap<usize, Multiplier>,
 ) -> Result<(), FemError> {
-    let all = side.nodes.len();
-    let mut own: Vec<usize> = (0..all).filter(|&k| active[side.nodes[k]]).collect();
+    let mut own: Vec<usize> = (0..side.num_corners())
+        .filter(|&k| active[side.nodes[k]])
+        .collect();
     // A part at one corner does not determine functions of the others.
     if own.iter().any(|&k| covered[k]) {
         own.retain(|&k| covered[k]);
@@ -268,13 +347,10 @@ fn pair(
         return Ok(());
     }
     let count = own.len();
-    let extended = |shape: &[f64; 4]| -> [f64; 4] {
-        let of_active: f64 = own.iter().map(|&k| shape[k]).sum();
-        let share = (1.0 - of_active) / count as f64;
-        std::array::from_fn(|j| own.get(j).map_or(0.0, |&k| shape[k] + share))
-    };
+    let extended = |shape: &[f64; 4]| extended(&side.hats(shape), &own);
     let (mut n, mut e) = ([[0.0; 4]; 4], [0.0; 4]);
-    for (_, m) in met {
+    let is_dual = side.num_corners() == side.nodes.len();
+    for (_, m) in met.iter().filter(|_| is_dual) {
         let tilde = extended(&m.own);
         for (l, &k) in own.iter().enumerate() {
             e[l] += m.weight * m.own[k];
@@ -282,7 +358,11 @@ fn pair(
         }
     }
     // A part that is a point up to rounding contributes nothing.
-    let Some(inverse) = inverse(&n, count) else {
+    let inverse = match is_dual {
+        true => inverse(&n, count),
+        false => Some([[0.0; 4]; 4]),
+    };
+    let Some(inverse) = inverse else {
         return Ok(());
     };
     for (facet, m) in met {
@@ -296,7 +376,10 @@ fn pair(
             });
         }
         for (i, &k) in own.iter().enumerate() {
-            let psi = e[i] * (0..count).map(|j| inverse[i][j] * tilde[j]).sum::<f64>();
+            let psi = match is_dual {
+                true => e[i] * (0..count).map(|j| inverse[i][j] * tilde[j]).sum::<f64>(),
+                false => tilde[i],
+            };
             let weight = m.weight * psi;
             let multiplier = multipliers.entry(side.nodes[k]).or_default();
             multiplier.area += weight;
@@ -311,6 +394,13 @@ fn pair(
         }
     }
     Ok(())
+}
+
+/// Functions of the active corners, to which those of the others are added in equal parts, so that their sum remains 1.
+fn extended(hats: &[f64; 4], active: &[usize]) -> [f64; 4] {
+    let of_active: f64 = active.iter().map(|&k| hats[k]).sum();
+    let share = (1.0 - of_active) / active.len() as f64;
+    std::array::from_fn(|j| active.get(j).map_or(0.0, |&k| hats[k] + share))
 }
 
 /// The inverse of the leading block of a matrix; `None` where it is singular.

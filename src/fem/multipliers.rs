@@ -127,11 +127,13 @@ impl ElasticSystem {
             }
             let vector = mesh.area_vector(facet);
             let length = norm(vector);
-            let k = facet.len();
-            let middle: [f64; 3] =
-                std::array::from_fn(|d| facet.iter().map(|&n| points[n][d]).sum::<f64>() / k as f64);
+            // Corners: the third node of an edge is its middle.
+            let k = if dim == 2 { 2 } else { facet.len() };
+            let middle: [f64; 3] = std::array::from_fn(|d| {
+                facet.iter().map(|&n| points[n][d]).sum::<f64>() / facet.len() as f64
+            });
             let mut failure = None;
-            integrate_parts(points, facet, |corner, at, shape, measure| {
+            integrate_parts(mesh, facet, |corner, at, shape, measure| {
                 let label = match size {
                     Some(h) => std::array::from_fn(|d| ((middle[d] - low[d]) / h) as usize),
                     None => {

@@ -1,5 +1,7 @@
 //! Where two facets of a pair of boundaries lie opposite each other: exact pieces, with points of integration on both.
 
+use super::Mesh;
+use super::element::segment;
 use super::mesh::{cross, difference, dot, mean, norm};
 
 /// Length relative to a facet below which corners coincide: far above rounding, far below all features of a mesh.
@@ -22,6 +24,8 @@ pub(super) struct Side<'a> {
     pub(super) normal: [f64; 3],
     pub(super) measure: f64,
     radius: f64,
+    /// Whether it is an edge of a plane body: ends, and the middle of one of second order.
+    is_edge: bool,
 }
 
 /// A point of integration on one facet and the point opposite on another.
@@ -37,7 +41,11 @@ pub(super) struct Meeting {
 }
 
 impl<'a> Side<'a> {
-    pub(super) fn new(points: &[[f64; 3]], nodes: &'a [usize], area: [f64; 3]) -> Self {
+    pub(super) fn new(mesh: &'a Mesh, nodes: &'a [usize]) -> Self {
+        Self::of(mesh.dim(), mesh.points(), nodes, mesh.area_vector(nodes))
+    }
+
+    fn of(dim: usize, points: &[[f64; 3]], nodes: &'a [usize], area: [f64; 3]) -> Self {
         let corners: Vec<_> = nodes.iter().map(|&n| points[n]).collect();
         let (centre, measure) = (mean(corners.iter().copied()), norm(area));
         let far = |c: &[f64; 3]| norm(difference(*c, centre));
@@ -48,6 +56,28 @@ impl<'a> Side<'a> {
             measure,
             radius: corners.iter().map(far).fold(0.0, f64::max),
             corners,
+            is_edge: dim == 2,
+        }
+    }
+
+    /// Number of corners; other nodes are the middles of edges.
+    pub(super) fn num_corners(&self) -> usize {
+        if self.is_edge { 2 } else { self.nodes.len() }
+    }
+
+    /// The linear functions of the corners, from the shape values of all nodes.
+    pub(super) fn hats(&self, shape: &[f64; 4]) -> [f64; 4] {
+        match self.is_edge {
+            true => [shape[0] + 0.5 * shape[2], shape[1] + 0.5 * shape[2], 0.0, 0.0],
+            false => *shape,
+        }
+    }
+
+    /// Shape values of an edge at 0 ≤ s ≤ 1.
+    fn edge(&self, s: f64) -> [f64; 4] {
+        match self.nodes.len() {
+            2 => [1.0 - s, s, 0.0, 0.0],
+            _ => segment(2.0 * s - 1.0).value,
         }
     }
 
@@ -79,7 +109,7 @@ impl<'a> Side<'a> {
                 other: opposite,
             });
         };
-        if self.corners.len() == 2 {
+        if self.is_edge {
             self.meet_segment(other, covered, &mut add);
         } else {
             self.meet_polygon(other, covered, &mut add);
@@ -102,11 +132,11 @@ impl<'a> Side<'a> {
         }
         covered[0] |= low <= SAME;
         covered[1] |= high >= 1.0 - SAME;
-        for (x, weight) in gauss(2) {
+        for (x, weight) in gauss(FEW) {
             let s = low + (high - low) * x;
             let t = (s - ends[0]) / (ends[1] - ends[0]);
             let weight = weight * (high - low) * self.measure;
-            add(weight, [1.0 - s, s, 0.0, 0.0], [1.0 - t, t, 0.0, 0.0]);
+            add(weight, self.edge(s), other.edge(t));
         }
     }
 
@@ -284,8 +314,8 @@ mod tests {
             [-h, 0.0, 0.25],
             [0.0, h, 0.25],
         ];
-        let own = Side::new(&points, &[0, 1, 2, 3], [0.0, 0.0, 4.0]);
-        let other = Side::new(&points, &[4, 5, 6, 7], [0.0, 0.0, -2.0 * h * h]);
+        let own = Side::of(3, &points, &[0, 1, 2, 3], [0.0, 0.0, 4.0]);
+        let other = Side::of(3, &points, &[4, 5, 6, 7], [0.0, 0.0, -2.0 * h * h]);
         assert!(own.may_face(&other, 0.25) && !own.may_face(&own, 1.0));
         let (mut area, mut second, mut covered) = (0.0, 0.0, [false; 4]);
         own.meet(&other, &mut covered, |m| {

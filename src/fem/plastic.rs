@@ -89,7 +89,7 @@ impl PlasticBody {
         let mut first = vec![0];
         for cell in 0..mesh.num_cells() {
             let kind = mesh.kind(cell);
-            points.extend(points_of(kind, &mesh.corners(cell), !kind.is_simplex()));
+            points.extend(points_of(kind, &mesh.corners(cell), kind.is_box()));
             first.push(points.len());
         }
         Ok(Self {

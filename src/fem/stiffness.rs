@@ -54,7 +54,7 @@ impl<'a> Elements<'a> {
             (0..3).for_each(|d| corner[d] -= origin[d]);
         }
         let tensor = &self.tensors[material];
-        if kind.is_simplex() {
+        if !kind.is_box() {
             self.other.compute(kind, &corners, tensor);
             return &self.other;
         }

@@ -80,7 +80,7 @@ impl<'a> TraceSpace<'a> {
         let mut entries = Vec::new();
         let mut at_point = Vec::new();
         for nodes in self.facets {
-            integrate_parts(self.mesh.points(), nodes, |_, x, shape, measure| {
+            integrate_parts(self.mesh, nodes, |_, x, shape, measure| {
                 at_point.clear();
                 evaluate(x, &mut at_point);
                 for &(k, mu) in &at_point {
@@ -106,7 +106,7 @@ impl<'a> TraceSpace<'a> {
         let mut area = std::collections::BTreeMap::new();
         let points = self.mesh.points();
         for nodes in self.facets {
-            integrate(points, nodes, |_, shape, measure| {
+            integrate(self.mesh, nodes, |_, shape, measure| {
                 for (&node, s) in nodes.iter().zip(shape) {
                     if self.dofs[node] != PRESCRIBED {
                         *area.entry(node).or_insert(0.0) += measure * s;

@@ -190,6 +190,7 @@ fn number_of(kind: CellKind) -> u8 {
         CellKind::Quadrilateral => 9,
         CellKind::Tetrahedron => 10,
         CellKind::Hexahedron => 12,
+        CellKind::Triangle6 => 22,
     }
 }
 

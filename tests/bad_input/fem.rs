@@ -432,6 +432,9 @@ fn bodies(t: &mut Table) {
         t.refuses("fem::ElasticSystem::contact_between", group, group, || {
             system.contact_between("bottom", group, &Mortar::default())
         });
+        t.refuses("fem::Mesh::second_order", group, "second order", || {
+            Mesh::block([0.0; 3], [1.0; 3], [1; 3])?.second_order()
+        });
         t.refuses("fem::ContactRows::check_supports", group, "", || {
             let rows = system.contact("bottom", &Foundation::gap(|_| 0.0))?;
             rows.check_supports(

@@ -21,6 +21,8 @@ struct Stack {
     dim: usize,
     cells: [usize; 2],
     simplices: bool,
+    /// Triangles of second order.
+    second: bool,
     slope: f64,
     bent: f64,
     /// Nodes with x at least this are shared by both blocks.
@@ -33,6 +35,7 @@ impl Stack {
             dim,
             cells,
             simplices: false,
+            second: false,
             slope: 0.0,
             bent: 0.0,
             joined_from: f64::INFINITY,
@@ -100,7 +103,11 @@ impl Stack {
             f.normal[0] > 0.9 && x > 0.9
                 || self.dim == 3 && f.normal[1].abs() > 0.9 && !(0.1..=0.9).contains(&y)
         });
-        mesh
+        if self.second {
+            mesh.second_order().unwrap()
+        } else {
+            mesh
+        }
     }
 }
 
@@ -219,6 +226,22 @@ fn uniform_stress_passes_through_plane_interfaces() {
             let stack = Stack {
                 slope,
                 simplices,
+                ..Stack::new(2, cells)
+            };
+            passes(&stack, planar(), roles, 1e-12);
+        }
+    }
+}
+
+/// Linear multipliers at the corners of edges of second order.
+#[test]
+fn uniform_stress_passes_between_triangles_of_second_order() {
+    for roles in ROLES {
+        for (cells, slope) in [([3, 4], 0.0), ([5, 2], 0.2)] {
+            let stack = Stack {
+                slope,
+                simplices: true,
+                second: true,
                 ..Stack::new(2, cells)
             };
             passes(&stack, planar(), roles, 1e-12);

@@ -3,19 +3,20 @@
 use semismooth::fem::{Dilatation, ElasticSystem, Elasticity, Material, Mesh, PlaneModel};
 use semismooth::linear::{Cholesky, LinearSolver};
 
-/// u = A⁻¹ f of a system under its supports.
-fn solved(system: &ElasticSystem) -> Vec<f64> {
+/// u = A⁻¹ f of a system under its supports and other forces.
+pub fn solved(system: &ElasticSystem, forces: &[f64]) -> Vec<f64> {
     let a = system.stiffness();
     let mut solver = Cholesky::new();
     solver.analyze(a.pattern().as_ref()).unwrap();
     solver.factor(a.as_ref()).unwrap();
     let mut u = system.supports().forces().to_vec();
+    u.iter_mut().zip(forces).for_each(|(u, f)| *u += f);
     solver.solve_in_place(&mut u).unwrap();
     u
 }
 
 /// Vertical reaction at the top of a block of height 1 on a smooth table, bonded to a plate that presses it down by 0.01.
-fn resultant(mesh: Mesh, poisson: f64, dilatation: Dilatation) -> f64 {
+pub fn resultant(mesh: Mesh, poisson: f64, dilatation: Dilatation) -> f64 {
     let (dim, up) = (mesh.dim(), mesh.dim() - 1);
     let mut body = Elasticity::new(mesh, Material::isotropic(1.0, poisson).unwrap())
         .with_dilatation(dilatation)
@@ -25,7 +26,7 @@ fn resultant(mesh: Mesh, poisson: f64, dilatation: Dilatation) -> f64 {
     }
     let system = body.assemble().unwrap();
     let reactions = system
-        .reactions(&solved(&system), system.supports().displacements())
+        .reactions(&solved(&system, &[]), system.supports().displacements())
         .unwrap();
     let top = system
         .mesh()
@@ -73,7 +74,7 @@ fn hexahedra_in_plane_strain_are_quadrilaterals() {
         .prescribe("top", 2, |_| -0.01);
     let system = body.assemble().unwrap();
     let reactions = system
-        .reactions(&solved(&system), system.supports().displacements())
+        .reactions(&solved(&system, &[]), system.supports().displacements())
         .unwrap();
     let top = system
         .mesh()
@@ -114,7 +115,7 @@ fn uniform_strain_is_exact() {
         let stresses = |d: Dilatation| {
             let system = body.clone().with_dilatation(d).assemble().unwrap();
             assert_eq!(system.notes().is_empty(), plane == PlaneModel::Stress);
-            let u = solved(&system);
+            let u = solved(&system, &[]);
             assert!((u[0] - field(0, [1.3, 0.8, 0.0])).abs() < 1e-15);
             system.stresses(&u, system.supports().displacements()).unwrap()
         };

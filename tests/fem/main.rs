@@ -5,6 +5,7 @@ mod integrals;
 mod plastic;
 #[path = "../common/random.rs"]
 mod random;
+mod second_order;
 
 use random::Random;
 use semismooth::fem::{
