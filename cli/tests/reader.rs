@@ -443,7 +443,11 @@ fn both_branches_count_where_a_test_changes() {
         ("o24", 0.5, false),
     ] {
         // 22 <, 23 ≤, 24 =, 28 ≥; the branches are 1 and ln(x − 1) for =, else ln(x − 1) and x.
-        let branches = if comparison == "o24" { "n1\no43\no1\nv0\nn1\n" } else { "o43\no1\nv0\nn1\nv0\n" };
+        let branches = if comparison == "o24" {
+            "n1\no43\no1\nv0\nn1\n"
+        } else {
+            "o43\no1\nv0\nn1\nv0\n"
+        };
         let text = header([1, 1, 0, 0, 1, 0, 0])
             + &format!("C0\no35\n{comparison}\nv0\nn1\n{branches}r\n3\nb\n3\nJ0 1\n0 0\n");
         let model = read(text.as_bytes()).unwrap();

@@ -181,7 +181,10 @@ impl Body {
     ) -> PyResult<Self> {
         // Of their own, as the caller may change his.
         let (kept, others) = (supports.copy()?, materials.map(|m| m.copy()).transpose()?);
-        let (word, volumes) = (PyString::new(mesh.py(), plane), PyString::new(mesh.py(), dilatation));
+        let (word, volumes) = (
+            PyString::new(mesh.py(), plane),
+            PyString::new(mesh.py(), dilatation),
+        );
         let options: [(&'static str, Option<&Bound<'_, PyAny>>); 4] = [
             ("supports", Some(&kept)),
             ("materials", others.as_ref().map(|m| m.as_any())),

@@ -212,7 +212,9 @@ impl Graph {
     fn switches(&self, test: NodeId, values: &[f64]) -> bool {
         match self.nodes[test as usize] {
             Node::Unary(Unary::Not, a) => self.switches(a, values),
-            Node::Binary(Binary::And | Binary::Or, a, b) => self.switches(a, values) || self.switches(b, values),
+            Node::Binary(Binary::And | Binary::Or, a, b) => {
+                self.switches(a, values) || self.switches(b, values)
+            }
             Node::Binary(Binary::Below | Binary::AtMost | Binary::AtLeast | Binary::Above, a, b) => {
                 values[a as usize] == values[b as usize]
             }

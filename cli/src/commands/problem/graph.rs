@@ -6,8 +6,8 @@ use semismooth::continuation::{Diagram, DiagramCompleteness, DiagramOptions, Lim
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::output::{Panel, write_diagram_csv, write_diagram_json};
 
-use super::{Case, MAX_TIME};
 use super::curve::picture;
+use super::{Case, MAX_TIME};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::create;
