@@ -3,7 +3,7 @@
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
-use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth, Vanishing};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::norm;
 
 /// Share of the step over which differences are taken.
@@ -180,20 +180,6 @@ impl Curve<'_> {
         Ok(())
     }
 
-    /// Whether the step begins where the curve touches a facet from inside and has met it, as far as rounding of x tells.
-    pub(super) fn touches_first(&self, index: usize, facet: Facet) -> bool {
-        let v = Vanishing::new(&self.map, &self.layout, &self.selection, index, &self.here.x);
-        let rounding = self.width(&self.here.x, self.next.s) * v.gradient_norm;
-        let mut after = vec![0.0; self.layout.total()];
-        self.map
-            .tests_of_selection(&self.selection, &self.next.x, Some(&self.next.t), &mut after);
-        let rate = facet.sign() * self.departing_rates()[index];
-        // The parabola with the rates at both ends falls by rate²/2 over its second derivative.
-        let bend = (facet.sign() * after[index] / self.stretch() - rate) / self.next.s;
-        let [start, end] = [&self.here, &self.next].map(|state| facet.sign() * state.theta[index]);
-        start.abs() <= rounding && end >= -rounding && rate * rate <= 2.0 * bend * rounding
-    }
-
     /// Facets of the cell which both ends are inside, and which the curve approaches and leaves in between.
     fn falling_facets(&self) -> Vec<(Monitor, [Sample; 2])> {
         let total = self.layout.total();
@@ -223,7 +209,7 @@ impl Curve<'_> {
                 ];
                 // A step may begin on the facet, to rounding.
                 let inside = ends[0].value >= reach * ends[0].rate && ends[1].value > 0.0;
-                if inside && may_fall_below_zero(&ends[0], &ends[1]) && !self.touches_first(k, facet) {
+                if inside && may_fall_below_zero(&ends[0], &ends[1]) {
                     all.push((Monitor::Facet { index: k, facet }, ends));
                 }
             }

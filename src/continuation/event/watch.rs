@@ -141,8 +141,6 @@ impl Curve<'_> {
                 };
                 // Next to a facet that the curve has just left, rounding may violate it.
                 let leaves = g1 < -slack && !(g0 <= 0.0 && g1 >= g0) && !self.is_rounding(index);
-                // At its start a step from a facet that is touched may violate it by rounding, too.
-                let leaves = leaves && !(g0 <= g1.abs() && self.touches_first(index, facet));
                 if leaves || (g1.is_nan() && !g0.is_nan()) {
                     let fraction = match self.return_to(index, facet) {
                         Some(s) => s / step,

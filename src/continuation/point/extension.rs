@@ -82,16 +82,11 @@ impl<'a> Extension<'a> {
             }
         };
         at(x, &mut jac)?;
-        // Over distances of 1, and of the variables themselves: their units may be far larger.
-        let mut near = jac.clone();
-        for share in [0.0, 1.0] {
-            let away = |(j, x): (usize, &f64)| x + centred(j + 1, false) * (1.0 - share + share * x);
-            let away: Vec<f64> = x.iter().enumerate().map(away).collect();
-            let mut there = jac.clone();
-            at(&away, &mut there)?;
-            near = changes(&near, [&there, &jac], 1.0);
-        }
-        let units = units(&jac, &near, x);
+        let away = x.iter().enumerate().map(|(j, x)| x + centred(j + 1, false));
+        let away: Vec<f64> = away.collect();
+        let mut there = jac.clone();
+        at(&away, &mut there)?;
+        let units = units(&jac, &changes(&jac, [&there, &jac], 1.0), x);
         let apart = |sign: f64| -> Vec<f64> {
             let all = x.iter().zip(&units).enumerate();
             all.map(|(j, (x, unit))| x + sign * APART * unit * (1.0 + centred(j + 1, false)))
