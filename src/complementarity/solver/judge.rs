@@ -41,7 +41,7 @@ impl Engine<'_> {
             && (self.affine
                 || !(verdict.flat && self.asymptotic)
                     && self.terms_last(2.0 * verdict.error)
-                    && !(verdict.needs_straight(tolerance) && !self.is_straight()))
+                    && (!verdict.needs_straight(tolerance) || self.is_straight()))
     }
 
     /// Whether the rows that have to be straight have the same derivatives at the start, or, from there, a little inside.
