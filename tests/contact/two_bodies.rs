@@ -43,7 +43,8 @@ impl Stack {
     }
 
     fn mesh(&self) -> Mesh {
-        let (mut points, mut cells): (Vec<[f64; 3]>, Vec<(CellKind, Vec<usize>)>) = (Vec::new(), Vec::new());
+        let mut points: Vec<[f64; 3]> = Vec::new();
+        let mut cells: Vec<(CellKind, Vec<usize>)> = Vec::new();
         let (mut facets, up) = ([Vec::new(), Vec::new()], self.dim - 1);
         for (block, &n) in self.cells.iter().enumerate() {
             let low = -(block as f64);
