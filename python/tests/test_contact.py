@@ -463,7 +463,7 @@ TRIANGLE = [[0, 0], [1, 0], [0, 1]]
     ("work", "says"),
     [
         (lambda: ss.Mesh([[0, 0, 0, 0]], {}), "4 coordinates"),
-        (lambda: ss.Mesh(TRIANGLE, {"triangle6": [[0, 1, 2, 0, 1, 2]]}), "triangle6"),
+        (lambda: ss.Mesh(TRIANGLE, {"triangle7": [[0, 1, 2, 0, 1, 2, 0]]}), "triangle7"),
         (lambda: ss.Mesh(TRIANGLE, {"triangle": [[0, 1, 3]]}), "node 3"),
         (lambda: ss.Mesh(TRIANGLE, {"triangle": [[0, 1, -1]]}), "negative"),
         (lambda: ss.Mesh(TRIANGLE, {"triangle": [[0, 1, 2]]}, cell_groups={"a": [1]}), "cell 1"),
