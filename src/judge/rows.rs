@@ -176,11 +176,6 @@ impl Judge {
         }
     }
 
-    /// The terms and constants of each row at the last point.
-    pub(crate) fn terms(&self) -> impl Iterator<Item = f64> + '_ {
-        self.rows.iter().map(Row::terms)
-    }
-
     /// The rows, increasing, that must be straight, if the last verdict [needs](Verdict::needs_straight) it.
     pub(crate) fn distant_rows(&self) -> &[usize] {
         &self.distant

@@ -1,9 +1,9 @@
 use std::ops::ControlFlow;
 
+use super::convergence::{Scratch, Small, is_small, row_sizes};
 use super::system::{Evaluation, System};
 use super::workspace::Workspace;
 use super::{Convergence, Damping, Failure, Iteration, NewtonError, NewtonOptions, Step, Unsolved};
-use crate::judge::{Columns, Point, ROUNDING, row_sizes};
 use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::PiecewiseError;
 use crate::sparse::Matrix;
@@ -37,11 +37,7 @@ pub(super) fn iterate(
     work.report.regularity = None;
     work.visited.clear();
     work.weight.fill(1.0);
-    work.start.clear();
-    work.start.extend_from_slice(x);
-    work.typical.clear();
-    work.typical.resize(x.len(), 1.0);
-    system.typical_sizes(&mut work.typical);
+    work.settled.fill(false);
     let Some(mut jac) = work.jac.take() else {
         return Err(LinearError::NotAnalyzed.into());
     };
@@ -58,6 +54,7 @@ pub(super) fn iterate(
         },
         best_norm: f64::INFINITY,
         weighted: false,
+        tried: f64::INFINITY,
     };
     let outcome = run.go(&mut jac, x);
     let best_norm = run.best_norm;
@@ -89,6 +86,8 @@ pub(super) struct Run<'a> {
     best_norm: f64,
     /// Whether `work.weight` has been computed.
     pub(super) weighted: bool,
+    /// ‖H‖₂ where rows were last watched without success.
+    tried: f64,
     pub(super) n: usize,
 }
 
@@ -112,7 +111,7 @@ impl Run<'_> {
             }
             self.linearize(jac, x)?;
             if let Some(convergence) = self.converged(jac, x, natural_norm, previous_norm, evaluation)? {
-                self.best_norm = natural_norm;
+                self.best_norm = self.norm_found(natural_norm, evaluation);
                 self.record_last(index, self.best_norm, evaluation);
                 return Ok(Ok(convergence));
             }
@@ -146,11 +145,17 @@ impl Run<'_> {
                 }
                 Err(e) => return Err(e.into()),
             };
-            if self.step_is_rounding(jac, norm, previous_norm, step, evaluation)
-                && self.is_small(jac, x, JUMP)?
-            {
-                self.record_last(index, self.best_norm, evaluation);
-                return Ok(Ok(Convergence::Rounding));
+            if self.step_is_rounding(x, norm, previous_norm, step, evaluation) {
+                let factorisations = self.work.report.factorisations;
+                let rests = |run: &mut Self, jac: &Matrix, x: &[f64]| run.terms_cancel(jac, x);
+                if self.settles(jac, x, norm, &rests)? {
+                    self.best_norm = norm2(&self.work.r);
+                    self.record_last(index, self.best_norm, evaluation);
+                    return Ok(Ok(Convergence::Rounding));
+                }
+                if self.work.report.factorisations > factorisations {
+                    step = self.newton_direction(jac)?;
+                }
             }
             let stuck = self.mode == Mode::LineSearch
                 && patience.is_over(self.merit(&self.work.r), evaluation.changed);
@@ -187,6 +192,10 @@ impl Run<'_> {
             previous_norm = norm;
             norm = next.norm;
             evaluation = next.evaluation;
+            if evaluation.changed > 0 {
+                self.work.settled.fill(false);
+                self.tried = f64::INFINITY;
+            }
             index += 1;
             if flow.is_break() {
                 let natural_norm = self.natural_norm(x, norm, evaluation);
@@ -255,14 +264,15 @@ impl Run<'_> {
                 if convergence == Convergence::Rounding && norm < 0.5 * previous {
                     break;
                 }
+                let small = |run: &mut Self, jac: &Matrix, x: &[f64]| run.is_small(jac, x, tolerance);
                 let found = match evaluation.settled {
-                    true => self.is_small(jac, x, tolerance)?,
+                    true => self.settles(jac, x, norm, &small)?,
                     false => {
                         // `trial_r` holds the natural residual.
                         std::mem::swap(&mut self.work.r, &mut self.work.trial_r);
-                        let found = self.is_small(jac, x, tolerance);
+                        let found = small(self, jac, x) == Small::Yes;
                         std::mem::swap(&mut self.work.r, &mut self.work.trial_r);
-                        found?
+                        found
                     }
                 };
                 if found {
@@ -279,60 +289,136 @@ impl Run<'_> {
         Ok(outcome)
     }
 
-    /// The verdict of the judge on `r` at x.
-    fn is_small(&mut self, jac: &Matrix, x: &[f64], tolerance: f64) -> Result<bool, NewtonError> {
-        let (n, work) = (self.n, &mut *self.work);
-        let point = Point {
-            x: &x[..n],
-            f: &work.r,
-            jac: Columns::Long(jac.leading_columns(n)),
-            rest: None,
-            start: &work.start[..n],
-            typical: &work.typical[..n],
-            sizes: None,
-            lower: &[],
-            upper: &[],
-        };
-        let verdict = work.judge.verdict(&point, tolerance);
-        Ok(verdict.is_solved(tolerance)
-            && (self.system.is_affine() || !verdict.needs_straight(tolerance) || self.is_straight(jac, x)?))
-    }
-
-    /// Whether the rows that have to be straight have the same derivatives at the start, or, from there, beside it.
-    fn is_straight(&mut self, jac: &Matrix, x: &[f64]) -> Result<bool, NewtonError> {
-        /// Where the point is the start, part of x by which the other point differs.
-        const BESIDE: f64 = 1.0 / 1024.0;
-        let mut there = self.work.start.clone();
-        if there == x {
-            there.iter_mut().for_each(|v| *v -= BESIDE * *v);
+    /// ‖H‖₂ of the solution that [`converged`](Self::converged) has found.
+    fn norm_found(&self, natural_norm: f64, evaluation: Evaluation) -> f64 {
+        match evaluation.settled {
+            true => norm2(&self.work.r),
+            false => natural_norm,
         }
-        let mut beside = Matrix::zeros(jac.pattern().clone());
-        self.linearize(&mut beside, &there)?;
-        let rows = self.work.judge.distant_rows();
-        let mut pairs = jac.triplets().zip(beside.values());
-        // Written so that NaN differs.
-        Ok(
-            pairs
-                .all(|((i, _, a), b)| rows.binary_search(&i).is_err() || (a - b).abs() <= ROUNDING * a.abs()),
-        )
     }
 
-    /// Whether the Newton step changes no row by more than the rounding of its terms while the residual no longer decreases.
-    fn step_is_rounding(
+    fn is_small(&mut self, jac: &Matrix, x: &[f64], tolerance: f64) -> Small {
+        let work = &mut *self.work;
+        row_sizes(jac.as_ref(), x, &mut work.size);
+        let scratch = Scratch {
+            row: &mut work.model,
+            col: &mut work.trial[..self.n],
+            max: &mut work.gradient,
+        };
+        let jac = jac.leading_columns(self.n);
+        is_small(&work.r, &work.size, tolerance, jac, &work.settled, scratch)
+    }
+
+    /// Whether the residual is small, where rows whose terms vanish with them must have settled as well: if only these are missing, full
+    /// steps are made until they have. x is changed only then.
+    fn settles(
         &mut self,
-        jac: &Matrix,
+        jac: &mut Matrix,
+        x: &mut [f64],
+        norm: f64,
+        small: &dyn Fn(&mut Self, &Matrix, &[f64]) -> Small,
+    ) -> Result<bool, NewtonError> {
+        /// Steps after which every row is at the level of rounding, unless its residual still decreases.
+        const STEPS: usize = 12;
+        match small(self, jac, x) {
+            Small::No => return Ok(false),
+            Small::Yes => return Ok(true),
+            Small::Perhaps => {}
+        }
+        if norm > 0.5 * self.tried {
+            return Ok(false);
+        }
+        self.work.conjugate.copy_from_slice(&x[..self.n]);
+        for _ in 0..STEPS {
+            self.tried = norm;
+            match self.refine(jac, x)? {
+                Some(true) => {}
+                Some(false) => break,
+                // Singular: no step can improve this point.
+                None => return Ok(true),
+            }
+            self.watch(jac);
+            match small(self, jac, x) {
+                Small::No => {
+                    self.tried = f64::INFINITY;
+                    break;
+                }
+                Small::Yes => return Ok(true),
+                Small::Perhaps => {}
+            }
+        }
+        x[..self.n].copy_from_slice(&self.work.conjugate);
+        self.enter(x);
+        self.linearize(jac, x)?;
+        Ok(false)
+    }
+
+    /// A full step. `r` and `trial_r` become the residuals after and before it, `model` ∇H d. False if the step is not usable, `None` where
+    /// the Jacobian is singular.
+    fn refine(&mut self, jac: &mut Matrix, x: &mut [f64]) -> Result<Option<bool>, NewtonError> {
+        match self.newton_direction(jac) {
+            Ok(Step::Newton | Step::LeastIndex) => {}
+            Ok(_) => return Ok(None),
+            Err(LinearError::NotFinite { .. }) => return Ok(Some(false)),
+            Err(e) => return Err(e.into()),
+        }
+        let n = self.n;
+        let work = &mut *self.work;
+        work.model.fill(0.0);
+        jac.leading_columns(n).mul_add(1.0, &work.d, &mut work.model);
+        work.trial.copy_from_slice(x);
+        work.trial.iter_mut().zip(&work.d).for_each(|(x, d)| *x += d);
+        let there = self.system.evaluate(&work.trial, &mut work.trial_r);
+        work.report.evaluations += 1;
+        if !there.settled || !norm2(&work.trial_r).is_finite() {
+            return Ok(Some(false));
+        }
+        self.system.accept();
+        x.copy_from_slice(&work.trial);
+        std::mem::swap(&mut work.r, &mut work.trial_r);
+        self.linearize(jac, x)?;
+        Ok(Some(true))
+    }
+
+    /// Marks the rows whose residual the last step has not reduced although it exceeds the error of the linear model, and those that it has
+    /// reduced to rounding: a row c·x_i = 0 would be reduced by that factor in every step.
+    fn watch(&mut self, jac: &Matrix) {
+        const VANISHED: f64 = 4.0 * f64::EPSILON;
+        let work = &mut *self.work;
+        work.model.iter_mut().for_each(|m| *m = -*m);
+        (jac.leading_columns(self.n)).mul_add(1.0, &work.d, &mut work.model);
+        for i in 0..self.n {
+            let (now, before) = (work.r[i].abs(), work.trial_r[i].abs());
+            let bend = work.model[i].abs();
+            work.settled[i] |= now > 0.5 * before && now > bend || now <= VANISHED * before;
+        }
+    }
+
+    /// Whether the Newton step is within the rounding of x while the residual no longer decreases.
+    fn step_is_rounding(
+        &self,
+        x: &[f64],
         norm: f64,
         previous: f64,
         step: Step,
         evaluation: Evaluation,
     ) -> bool {
-        if !evaluation.settled || step == Step::Gradient || norm < 0.5 * previous {
-            return false;
+        evaluation.settled
+            && step != Step::Gradient
+            && norm >= 0.5 * previous
+            && norm2(&self.work.d) <= 16.0 * f64::EPSILON * norm2(&x[..self.n])
+    }
+
+    /// Whether each residual is a small part of its terms, whatever the precision of the map; perhaps where it may still fall.
+    fn terms_cancel(&mut self, jac: &Matrix, x: &[f64]) -> Small {
+        let small = self.is_small(jac, x, JUMP);
+        let work = &*self.work;
+        let tolerance = self.options.relative_tolerance;
+        let rests = |i: usize| work.settled[i] || work.r[i].abs() <= tolerance * work.size[i];
+        match small {
+            Small::Yes if !(0..self.n).all(rests) => Small::Perhaps,
+            small => small,
         }
-        let work = &mut *self.work;
-        row_sizes(jac.leading_columns(self.n), &work.d, &mut work.size);
-        let changes = work.size.iter().zip(work.judge.terms());
-        { changes }.all(|(change, terms)| *change <= 16.0 * f64::EPSILON * terms)
     }
 
     /// Whether the residual at the best iterate is the noise of its own evaluation: no larger than the change made by moving
@@ -340,16 +426,18 @@ impl Run<'_> {
     fn is_rounding(&mut self, jac: &mut Matrix, x: &mut [f64]) -> bool {
         const PATTERNS: [u64; 4] = [0, u64::MAX, 0x5555_5555_5555_5555, 0x6666_6666_6666_6666];
         self.back_to_best(x);
+        self.work.settled.fill(false);
         self.system.natural(x, &mut self.work.r);
         self.work.report.evaluations += 1;
         self.system.accept();
         if self.linearize(jac, x).is_err() {
             return false;
         }
-        if !self.is_small(jac, x, JUMP).unwrap_or(false) {
+        let work = &mut *self.work;
+        row_sizes(jac.as_ref(), x, &mut work.size);
+        if norm2(&work.r) > JUMP * norm2(&work.size) {
             return false;
         }
-        let work = &mut *self.work;
         work.size.fill(0.0);
         for pattern in PATTERNS {
             work.trial.copy_from_slice(x);
@@ -363,8 +451,22 @@ impl Run<'_> {
                 work.size[i] = work.size[i].max((work.trial_r[i] - work.r[i]).abs());
             }
         }
-        let noise = work.size.iter().zip(&work.r);
-        { noise }.all(|(noise, r)| r.abs() <= 2.0 * noise)
+        self.tried = f64::INFINITY;
+        let norm = norm2(&work.r);
+        let noise = |run: &mut Self, jac: &Matrix, _: &[f64]| run.is_noise(jac);
+        self.settles(jac, x, norm, &noise).unwrap_or(false)
+    }
+
+    /// Whether the residual is no larger than twice the noise in `size`.
+    fn is_noise(&mut self, jac: &Matrix) -> Small {
+        let work = &mut *self.work;
+        let scratch = Scratch {
+            row: &mut work.model,
+            col: &mut work.trial[..self.n],
+            max: &mut work.gradient,
+        };
+        let jac = jac.leading_columns(self.n);
+        is_small(&work.r, &work.size, 2.0, jac, &work.settled, scratch)
     }
 
     /// The end of an unsuccessful run, unless its best iterate is as accurate as rounding allows.

@@ -1,6 +1,7 @@
 //! The corrector: Newton's method for piecewise-smooth and semismooth equations.
 
 mod chords;
+mod convergence;
 mod enclosed;
 mod error;
 mod forcing;

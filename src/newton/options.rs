@@ -29,8 +29,7 @@ pub struct NewtonOptions {
     pub max_iterations: usize,
     /// Absolute tolerance on ‖H(x)‖₂, in the units of the residual. Default 0: only the relative one counts.
     pub absolute_tolerance: f64,
-    /// Tolerance on each |Hᵢ(x)| relative to the terms that cancel in it, Σⱼ |∂Hᵢ/∂xⱼ| |xⱼ| and its constants
-    /// ([accuracy](crate::complementarity#accuracy)). Default 1e-13.
+    /// Tolerance on ‖H(x)‖₂ relative to the size of the terms that cancel in it, S = ‖(Σ_j |∂H_i/∂x_j| |x_j|)_i‖₂. Default 1e-13.
     pub relative_tolerance: f64,
     /// When steps are shortened.
     pub damping: Damping,

@@ -1,7 +1,7 @@
 //! Estimates at a point of a curve from the stored factors: how far rounding may have moved it, and how fast ∇H approaches singularity.
 
 use super::MoorePenrose;
-use crate::judge::row_sizes;
+use super::convergence::row_sizes;
 use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{dot, norm};

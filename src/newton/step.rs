@@ -1,9 +1,9 @@
 //! One step: its direction and its length.
 
+use super::convergence::equilibrate;
 use super::iterate::{Mode, Run};
 use super::system::Evaluation;
 use super::{Damping, Failure, Step};
-use crate::judge::equilibrate;
 use crate::linear::LinearError;
 use crate::sparse::Matrix;
 use crate::sparse::norm as norm2;

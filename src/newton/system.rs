@@ -13,12 +13,6 @@ pub(super) trait System {
     fn linearize(&mut self, x: &[f64], jac: &mut Matrix);
     /// From now on at most one site changes its piece at a time. False where there are no pieces.
     fn use_least_index(&mut self) -> bool;
-    /// Whether rows are affine in every selection.
-    fn is_affine(&self) -> bool {
-        false
-    }
-    /// Replaces 1 by the typical sizes of the variables, where they are known.
-    fn typical_sizes(&self, _sizes: &mut [f64]) {}
     /// A fingerprint of the selection at the iterate.
     fn fingerprint(&self) -> Option<u64>;
 }
@@ -92,14 +86,6 @@ impl System for PsSystem<'_> {
 
     fn linearize(&mut self, x: &[f64], jac: &mut Matrix) {
         self.map.jacobian(self.selection, x, jac);
-    }
-
-    fn is_affine(&self) -> bool {
-        self.map.is_piecewise_affine()
-    }
-
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        self.map.typical_sizes(sizes);
     }
 
     fn use_least_index(&mut self) -> bool {

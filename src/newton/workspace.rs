@@ -1,5 +1,4 @@
 use super::{NewtonError, Report};
-use crate::judge::Judge;
 use crate::piecewise::PiecewiseError;
 use crate::sparse::{Matrix, Pattern};
 
@@ -20,10 +19,10 @@ pub(super) struct Workspace {
     pub(super) conjugate: Vec<f64>,
     /// Factors of the residuals in the merit function, so that units of rows do not matter to line searches.
     pub(super) weight: Vec<f64>,
-    /// Where the run began, and typical sizes of the variables, for the judge.
-    pub(super) start: Vec<f64>,
-    pub(super) typical: Vec<f64>,
-    pub(super) judge: Judge,
+    /// ∇H d of the step taken last, where rows are watched; else free.
+    pub(super) model: Vec<f64>,
+    /// Rows whose residual a full step no longer improves.
+    pub(super) settled: Vec<bool>,
     pub(super) visited: Vec<(u64, f64)>,
     pub(super) report: Report,
 }
@@ -60,9 +59,11 @@ impl Workspace {
             &mut self.gradient,
             &mut self.conjugate,
             &mut self.weight,
+            &mut self.model,
         ] {
             v.resize(n, 0.0);
         }
+        self.settled.resize(n, false);
         self.trial.resize(m, 0.0);
         self.best.resize(m, 0.0);
         Ok(())

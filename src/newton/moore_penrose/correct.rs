@@ -3,9 +3,9 @@
 use super::{
     AT_ROUNDING, CONTRACTION, Correction, ILL_CONDITIONED, MoorePenrose, QUADRATIC, SECANTS, STALLED,
 };
-use crate::judge::row_sizes;
 use crate::linear::{DENSE_LIMIT, LinearSolver};
 use crate::newton::chords::{newton_steps, turn_into};
+use crate::newton::convergence::row_sizes;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{dot, norm};
 
