@@ -292,9 +292,9 @@ mod tests {
             let rule = gauss(n);
             for degree in 0..2 * n {
                 let sum: f64 = rule.iter().map(|(x, w)| w * x.powi(degree as i32)).sum();
-                // Points and weights are rounded a few times each.
+                // The weights contain 1 − x², which is about 1/n² at the outermost points and has lost digits.
                 assert!(
-                    (sum * (degree as f64 + 1.0) - 1.0).abs() < 8.0 * n as f64 * f64::EPSILON,
+                    (sum * (degree as f64 + 1.0) - 1.0).abs() < 4.0 * (n * n) as f64 * f64::EPSILON,
                     "{n} {degree} {sum}"
                 );
             }
