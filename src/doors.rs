@@ -82,9 +82,9 @@ pub type ViResult = Result<Solution<ViReport>, SolveError<VariationalError, ViRe
 /// Solves n equations with kinks in n unknowns, H(x) = 0, from a start x₀.
 ///
 /// ```
-/// // |x| + x/2 = 3 and y = max(x, 1).
+/// // |x| + x/2 = 3 and y = max(x, 1): (2, 2) or (−6, 1).
 /// let found = semismooth::solve(|x| vec![x[0].abs() + 0.5 * x[0] - 3.0, x[1] - x[0].max(1.0)], &[0.3, 0.0])?;
-/// assert_eq!(found.x, [2.0, 2.0]);
+/// assert!(found.x == [2.0, 2.0] || found.x == [-6.0, 1.0]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
@@ -250,7 +250,7 @@ where
 /// let range = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
 /// let options = DiagramOptions::default().with_continuation(range);
 /// let diagram = semismooth::diagram(|x| vec![x[0] * (x[0].abs() - x[1])], &[[0.0, -0.5]], &options)?;
-/// assert!(diagram.vertices.iter().any(|v| v.kind == VertexKind::Branching || v.kind == VertexKind::BranchPoint));
+/// assert!(diagram.vertices().iter().any(|v| v.kind == VertexKind::Branching || v.kind == VertexKind::BranchPoint));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///

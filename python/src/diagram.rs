@@ -186,7 +186,7 @@ impl Diagram {
         self.found.completeness().is_limited()
     }
 
-    /// The same in words: "complete within the bounds", "complete within the bounds up to steps of ...", "nothing else was found within the
+    /// The same in words: "complete within the bounds, for what is connected to the starts", the same "up to steps of ...", "nothing else was found within the
     /// bounds", or "incomplete: ..." with what was left out.
     #[getter]
     fn completeness(&self) -> String {

@@ -307,8 +307,13 @@ impl DiagramCompleteness {
 impl fmt::Display for DiagramCompleteness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::WithinBounds => f.write_str("complete within the bounds"),
-            Self::UpToSteps { step } => write!(f, "complete within the bounds up to steps of {step:.2}"),
+            Self::WithinBounds => {
+                f.write_str("complete within the bounds, for what is connected to the starts")
+            }
+            Self::UpToSteps { step } => write!(
+                f,
+                "complete within the bounds up to steps of {step:.2}, for what is connected to the starts"
+            ),
             Self::NothingElseFound => f.write_str("nothing else was found within the bounds"),
             Self::Limited(list) => {
                 f.write_str("incomplete: ")?;
