@@ -354,6 +354,8 @@ fn of_autodiff() -> Vec<&'static str> {
     use semismooth::*;
     all_shared! {
         "complementarity::Autodiff": complementarity::Autodiff<Smooth>,
+        "Solution": Solution<complementarity::McpReport>,
+        "SolveError": SolveError<complementarity::ComplementarityError, complementarity::McpReport>,
         "piecewise::Formula": piecewise::Formula,
         "piecewise::FormulaError": piecewise::FormulaError,
         "piecewise::Traced": piecewise::Traced<Kinked>,

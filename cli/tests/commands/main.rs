@@ -233,7 +233,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "levels = [0.0, 0.25",
             "levels = [nan, 0.25",
-            &["line 47", "run.levels", "NaN is not finite"],
+            &["line 49", "run.levels", "NaN is not finite"],
         ),
         (
             "value = [0.0, -0.02]",
@@ -289,7 +289,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "levels = ",
             "# levels = ",
-            &["line 47", "run", "one of levels and follow"],
+            &["line 49", "run", "one of levels and follow"],
         ),
         ("[[support]]", "[[tension]]", &["tension"]),
         (
@@ -307,7 +307,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
             "components = [\"y\"]",
             &["support.value"],
         ),
-        ("[run]", "[run", &["line 47"]),
+        ("[run]", "[run", &["line 49"]),
     ];
     for (from, to, expected) in cases {
         run_file(&folder, &[(from, to)]);

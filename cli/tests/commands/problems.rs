@@ -363,7 +363,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
             "follow",
             "# plot = [\"y\"]",
             "plot = [\"z\"]",
-            &["line 26", "output.plot", "\"z\""],
+            &["line 27", "output.plot", "\"z\""],
         ),
         (
             "follow",
