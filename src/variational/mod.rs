@@ -11,6 +11,7 @@
 
 mod emptiness;
 mod error;
+mod limits;
 mod polyhedron;
 mod problem;
 mod projection;

@@ -1,6 +1,7 @@
 //! Projection onto a polyhedron by the dual active-set method of D. Goldfarb and A. Idnani (1983) with the identity as Hessian.
 
 use super::emptiness::emptiness;
+use super::limits::{Limit, limits_of};
 use super::{Polyhedron, VariationalError};
 use crate::exact::Exact;
 use crate::judge::Emptiness;
@@ -112,7 +113,7 @@ impl Infeasibility {
 
 /// A row as nᵀx ≥ β with ‖n‖ = 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
+pub(super) enum Kind {
     Equation(usize),
     Inequality(usize),
     Lower(usize),
@@ -151,7 +152,7 @@ enum Added {
 
 pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, VariationalError> {
     let mut solver = Solver::new(set, x);
-    if let Some(empty) = solver.empty_rows() {
+    if let Some(empty) = solver.empty_rows().or_else(|| solver.empty_intervals()) {
         return Ok(Projection::Empty(empty));
     }
     let limit = 100 * (solver.kinds.len() + x.len()) + 1000;
@@ -288,6 +289,36 @@ impl<'a> Solver<'a> {
             _ => {}
         }
         Infeasibility::of(set, certificate)
+    }
+
+    /// Two constraints of one unknown each that leave no number between them: they are compared exactly, since a projection cannot tell
+    /// a contradiction in the last digits from rounding.
+    fn empty_intervals(&mut self) -> Option<Infeasibility> {
+        // The greatest lower and the least upper limit of each unknown.
+        let mut limits: Vec<[Option<Limit>; 2]> = vec![[None; 2]; self.y.len()];
+        for kind in self.kinds.iter().copied() {
+            for (j, side, limit) in limits_of(self.set, kind).into_iter().flatten() {
+                let sign = [1.0, -1.0][side];
+                let best = &mut limits[j][side];
+                if best.is_none_or(|b| sign * limit.at > sign * b.at) {
+                    *best = Some(limit);
+                }
+            }
+        }
+        limits.iter().enumerate().find_map(|(j, pair)| {
+            let [Some(lower), Some(upper)] = *pair else {
+                return None;
+            };
+            // Quotients are rounded: where they agree, the rows may contradict each other all the same.
+            let is_rounded = lower.coefficient != 1.0 || upper.coefficient != 1.0;
+            if lower.kind == upper.kind || lower.at < upper.at || (lower.at == upper.at && !is_rounded) {
+                return None;
+            }
+            let mut multipliers = self.no_multipliers();
+            lower.weigh(j, -upper.coefficient.abs(), &mut multipliers);
+            upper.weigh(j, lower.coefficient.abs(), &mut multipliers);
+            self.confirmed(multipliers)
+        })
     }
 
     /// The certificate with multipliers that are right up to rounding, if the set is empty in exact arithmetic, or else by a wide margin.

@@ -649,18 +649,45 @@ fn only_constants_that_may_have_been_rounded_give_way() {
             "{right:?}"
         );
     }
-    // A violation by 32 ε of its terms, here 3 + 3, is rounding to a projection.
-    for (lower, upper) in [(1e-15, 0.0), (3.0 + 256.0 * least, 3.0)] {
-        let rows = matrix(&[vec![1.0]], 1);
-        let set = Polyhedron::boxed(vec![lower], vec![INF])
-            .unwrap()
-            .with_inequalities(rows, vec![upper])
-            .unwrap();
-        match set.project(&[0.3]).unwrap() {
-            Projection::Empty(proof) => assert!(proof.value < 0.0 && proof.radius == INF),
-            found => panic!("{lower:e} {upper:e} {found:?}"),
+    // By one digit: as a bound and a row of either sign and size, an equation, and two rows.
+    for (lower, upper) in [(1e-15, 0.0), (3.0 + 2.0 * least, 3.0), (-3.0, -3.0 - 2.0 * least)] {
+        let bounded = |l: f64, u: f64| Polyhedron::boxed(vec![l], vec![u]).unwrap();
+        let row = |v: f64| matrix(&[vec![v]], 1);
+        for set in [
+            bounded(lower, INF)
+                .with_inequalities(row(1.0), vec![upper])
+                .unwrap(),
+            bounded(lower, INF)
+                .with_inequalities(row(4.0), vec![4.0 * upper])
+                .unwrap(),
+            bounded(-INF, upper)
+                .with_inequalities(row(-2.0), vec![-2.0 * lower])
+                .unwrap(),
+            bounded(lower, INF).with_equations(row(1.0), vec![upper]).unwrap(),
+            bounded(-INF, upper)
+                .with_equations(row(-2.0), vec![-2.0 * lower])
+                .unwrap(),
+            bounded(-INF, INF)
+                .with_inequalities(matrix(&[vec![1.0], vec![-1.0]], 1), vec![upper, -lower])
+                .unwrap(),
+        ] {
+            match set.project(&[0.3]).unwrap() {
+                Projection::Empty(proof) => assert!(proof.value < 0.0 && proof.radius == INF),
+                found => panic!("{lower:e} {upper:e} {set:?} {found:?}"),
+            }
         }
+        // The other way round there are points.
+        let set = bounded(upper, INF)
+            .with_inequalities(row(1.0), vec![lower])
+            .unwrap();
+        assert!(matches!(set.project(&[0.3]).unwrap(), Projection::Nearest(_)));
     }
+    // 3 x ≤ 1 and x ≥ 1/3 rounded: the quotient is the bound, and what contradicts is its rounding.
+    let third = Polyhedron::boxed(vec![1.0 / 3.0], vec![INF]).unwrap();
+    let set = third
+        .with_inequalities(matrix(&[vec![3.0]], 1), vec![1.0])
+        .unwrap();
+    assert!(matches!(set.project(&[0.0]).unwrap(), Projection::Nearest(_)));
 }
 
 /// The same problem without a solution in other units, by powers of two and of ten.
