@@ -36,9 +36,9 @@
 //! relative to its terms. Where J is regular there, beyond rounding, and the same elsewhere (F is affine), 1e-20 x₀ = 1, x₀ − x₁ = 1 is
 //! solved. Where F is curved, terms count only if they stay the same, up to a factor of two, when the components of x change to one side by
 //! twice the error: near a singularity of F terms are large without a solution nearby. A residual that is only the rounding error of huge
-//! terms gives [`McpStatus::AtRounding`]. All solvers use this rule: McpSolver, [`ActiveSetSolver`](active_set::ActiveSetSolver),
-//! [`Nested`](active_set::Nested), [`Lemke`](pivoting::Lemke), [`ViSolver`](crate::variational::ViSolver), and
-//! [`Newton`](crate::newton::Newton) for equations.
+//! terms gives [`McpStatus::AtRounding`]. McpSolver, [`ActiveSetSolver`](active_set::ActiveSetSolver),
+//! [`Nested`](active_set::Nested), [`Lemke`](pivoting::Lemke) and [`ViSolver`](crate::variational::ViSolver) use this rule.
+//! [`Newton`](crate::newton::Newton) does not: it compares residuals with their terms alone, and may end far out where J is singular.
 //!
 //! ```
 //! use semismooth::complementarity::{Mcp, McpSolver, WithJacobian};

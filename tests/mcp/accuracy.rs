@@ -280,3 +280,36 @@ fn no_point_beside_a_singularity_is_a_solution() {
     }
     assert!(solved > 0);
 }
+
+/// x − y + 1 = 0 and y − x = 0 contradict each other: far out, where the constants are less than the rounding of the terms, that and no more
+/// is said. With the right-hand sides −1 and 1 they agree, and from the same starts a solution is found.
+#[test]
+fn a_contradiction_far_out_is_at_rounding() {
+    for (right, is_solvable) in [([1.0, 0.0], false), ([-1.0, 1.0], true)] {
+        let f = WithJacobian::new(
+            2,
+            move |x: &[f64], out: &mut [f64]| {
+                out[0] = x[0] - x[1] + right[0];
+                out[1] = x[1] - x[0] + right[1];
+            },
+            |_: &[f64], jac: &mut Matrix| {
+                for (i, j, v) in [(0, 0, 1.0), (0, 1, -1.0), (1, 0, -1.0), (1, 1, 1.0)] {
+                    jac.add(i, j, v);
+                }
+            },
+        );
+        let problem = Mcp::equations(f).unwrap();
+        for far in [1e16, 1e17, 1e20] {
+            let (x, report) = run(&problem, &[3.0 * far, far]);
+            if is_solvable {
+                assert!(
+                    report.is_solved() && (x[0] - x[1] - 1.0).abs() < 1e-9,
+                    "{far:e}: {x:?}"
+                );
+            } else {
+                assert_eq!(report.status, McpStatus::AtRounding, "{far:e}: {x:?}");
+                assert_eq!(report.status.name(), "at rounding");
+            }
+        }
+    }
+}
