@@ -105,6 +105,8 @@ def test_jumps_are_reported_where_a_run_fails():
     assert not jumping.solved and "the function jumps at site 0" in jumping.message
     kinked = ss.solve(lambda x: np.where(x > 1, x + 1, 2 * x), -3.0)
     assert kinked.solved and "jumps" not in kinked.message
+    undefined = ss.solve(lambda x: [max(x[0], 2 * x[0]) - 3, x[1] * float("nan")], [0.0, 0.0])
+    assert "cannot be evaluated" in undefined.message and "jumps" not in undefined.message
     nowhere = ss.solve(lambda x: np.abs(x) + 1, 3.0)
     assert not nowhere.solved and "jumps" not in nowhere.message
     traced = ss.trace(lambda x: [np.where(x[0] > 1, x[0] + 1, 2 * x[0])], 1)
