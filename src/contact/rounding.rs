@@ -22,7 +22,9 @@ pub(super) const SMALLEST: f64 = f64::MIN_POSITIVE;
 
 /// Whether every entry is no more than the rounding of its terms.
 pub(super) fn is_rounding_of(sums: &[f64], terms: &[f64]) -> bool {
-    { sums.iter().zip(terms) }.all(|(sum, terms)| sum.abs() <= ROUNDING * terms)
+    sums.iter()
+        .zip(terms)
+        .all(|(sum, terms)| sum.abs() <= ROUNDING * terms)
 }
 
 /// Forces below this are rounding where load cases balance each other: [`BLURRED`] times their `terms`, if the load is no larger; else 0.
