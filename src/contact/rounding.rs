@@ -99,3 +99,32 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::contact::{ContactBody, Frictionless, FullContact, LoadPath};
+    use crate::sparse::Matrix;
+
+    /// Two nodes with a spring between them in the vertical direction, held in the other; the first may touch the ground below, and both are
+    /// pulled upwards: nothing balances that. However far up, where the load is less than the
+    /// rounding of the springs' terms, there is no solution.
+    #[test]
+    fn bodies_that_float_away_are_not_at_rest() {
+        let a = Matrix::from_rows(&[
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, -1.0],
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, -1.0, 0.0, 1.0],
+        ])
+        .unwrap();
+        let normal = Matrix::from_rows(&[[0.0, -1.0, 0.0, 0.0]]).unwrap();
+        let tangential = Matrix::from_rows(&[[1.0, 0.0, 0.0, 0.0]]).unwrap();
+        let load = LoadPath::constant(vec![0.0, 1.0, 0.0, 1.0]);
+        let body = ContactBody::new(a, normal, vec![tangential], load).unwrap();
+        let problem = FullContact::new(body, Frictionless::plane()).unwrap();
+        for far in [1e3, 1e12, 1e15, 1e18, 1e30] {
+            let x = [0.0, far, 0.0, far, 0.0, 0.0, 0.0];
+            assert!(!problem.is_rounding(&x), "{far:e}");
+        }
+    }
+}
