@@ -12,8 +12,9 @@ use crate::continuation::{
     Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction,
 };
 use crate::enumeration::{EnumerationError, EnumerationOptions, SolutionSet};
+use crate::exact::Exact;
 use crate::fem::{ContactRows, ElasticSystem};
-use crate::piecewise::{Expression, Formula, Traced};
+use crate::piecewise::{ExactPieces, Expression, Formula, NonsmoothFunction, PiecewiseSmooth, Traced};
 use crate::sparse::Matrix;
 use crate::variational::{Polyhedron, VariationalError, Vi, ViReport, ViSolver};
 
@@ -114,9 +115,32 @@ pub fn solve_mcp<F>(function: F, lower: &[f64], upper: &[f64], x0: &[f64]) -> Mc
 where
     F: for<'a> FnOnce(&[Expression<'a>]) -> Vec<Expression<'a>>,
 {
-    let function = Autodiff::new(Formula::new(x0.len(), function));
-    let problem = Mcp::new(function, lower.to_vec(), upper.to_vec())?;
-    mcp(&problem, x0)
+    let formula = Formula::new(x0.len(), function);
+    let (lower, upper) = (lower.to_vec(), upper.to_vec());
+    match coefficients(&formula) {
+        Some((m, q)) => mcp(Lcp::boxed(m, q, lower, upper)?.mcp(), x0),
+        None => mcp(&Mcp::new(Autodiff::new(formula), lower, upper)?, x0),
+    }
+}
+
+/// M and q of a square affine formula M x + q without kinks, where they are floating-point numbers: solvers of affine problems prove that
+/// there is no solution, and reach those far out.
+fn coefficients(formula: &Formula) -> Option<(Matrix, Vec<f64>)> {
+    let n = formula.num_vars();
+    let map = Traced::new(formula.clone());
+    if map.num_sites() > 0 || formula.num_residuals() != n || !map.is_piecewise_affine() {
+        return None;
+    }
+    let stored = |e: &Exact| Some(e.to_f64()).filter(|&v| Exact::new(v).as_ref() == Some(e));
+    let conditions = map.conditions(0.0).filter(|c| c.unknowns == n)?;
+    let (mut entries, mut q) = (Vec::new(), Vec::with_capacity(n));
+    for (i, form) in conditions.common.iter().enumerate() {
+        q.push(stored(&form.constant)?);
+        for (j, e) in form.coefficients.iter().enumerate().filter(|e| !e.1.is_zero()) {
+            entries.push((i, j, stored(e)?));
+        }
+    }
+    Some((Matrix::from_triplets(n, n, &entries).ok()?, q))
 }
 
 /// Solves the linear complementarity problem 0 ≤ z ⟂ M z + q ≥ 0.
@@ -316,4 +340,39 @@ pub fn contact_body(
     tangential.extend(rows.tangential2.clone());
     ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, load)?
         .with_gap(rows.gap.clone())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{SolveError, all_solutions, solve};
+    use crate::complementarity::McpStatus;
+
+    /// Affine equations are taken as data: what contradicts itself is proven to, and solutions far out are found.
+    #[test]
+    fn affine_equations_are_judged_by_their_coefficients() {
+        let Err(SolveError::NotSolved(best)) = solve(|x| vec![x[0] - x[0] + 1.0], &[0.0]) else {
+            panic!("0 x + 1 = 0 is refused or solved");
+        };
+        assert_eq!(best.report.status, McpStatus::Infeasible);
+        let found = solve(
+            |x| vec![x[0] + x[1] - 1.0, 2.0 * (x[0] + x[1]) - 3.0],
+            &[0.0, 0.0],
+        );
+        assert!(
+            matches!(found, Err(SolveError::NotSolved(best)) if best.report.status == McpStatus::Infeasible)
+        );
+        let x = solve(|x| vec![1e-20 * x[0] - 1.0, x[0] - x[1] - 1.0], &[0.0, 0.0])
+            .unwrap()
+            .x;
+        assert!(x.iter().all(|x| (x / 1e20 - 1.0).abs() < 1e-15), "{x:?}");
+    }
+
+    /// 0.1 x + 0.2 x − 0.3 x has the coefficient 2⁻⁵⁵ for the numbers as they are stored, not the 2⁻⁵⁴ of their rounded sum.
+    #[test]
+    fn coefficients_are_added_exactly() {
+        let found = solve(|x| vec![0.1 * x[0] + 0.2 * x[0] - 0.3 * x[0] - 1.0], &[0.0]).unwrap();
+        let list = all_solutions(1, |x| vec![0.1 * x[0] + 0.2 * x[0] - 0.3 * x[0] - 1.0]).unwrap();
+        assert_eq!(found.x, [2.0_f64.powi(55)]);
+        assert_eq!(list.solutions[0].x, found.x);
+    }
 }

@@ -75,6 +75,19 @@ pub(crate) fn selections(number: u64) -> Count {
     )
 }
 
+/// A residual or another size with two digits: "0", "1.3", "2.4e-12".
+pub(crate) struct Size(pub(crate) f64);
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            0.0 => f.write_str("0"),
+            v if (1.0..9.95).contains(&v.abs()) => write!(f, "{v:.1}"),
+            v => write!(f, "{v:.1e}"),
+        }
+    }
+}
+
 /// The line common to the reports of iterations.
 pub(crate) fn ended(
     f: &mut fmt::Formatter<'_>,
@@ -84,8 +97,9 @@ pub(crate) fn ended(
 ) -> fmt::Result {
     write!(
         f,
-        "{status} after {}, residual {residual:.1e}",
-        iterations(number)
+        "{status} after {}, residual {}",
+        iterations(number),
+        Size(residual)
     )
 }
 

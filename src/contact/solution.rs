@@ -5,7 +5,7 @@ use std::fmt;
 use super::ContactState;
 use super::law::{LocalValues, MAX_TESTS, NodeLaw};
 use super::rounding::{BLURRED, SMALLEST, size_of_forces};
-use crate::words::Count;
+use crate::words::{Count, Size};
 
 /// A solution of a contact problem, node by node: the same type for the full form, the condensed form, the fixed point and the Delassus
 /// form.
@@ -57,8 +57,10 @@ impl fmt::Display for ContactResiduals {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "residuals {:.1e} of equilibrium, {:.1e} of the normal law, {:.1e} of friction",
-            self.equilibrium, self.normal, self.tangential
+            "residuals {} of equilibrium, {} of the normal law, {} of friction",
+            Size(self.equilibrium),
+            Size(self.normal),
+            Size(self.tangential)
         )
     }
 }

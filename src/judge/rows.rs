@@ -141,6 +141,8 @@ pub(crate) struct Judge {
     regular: Vec<Option<bool>>,
     /// The rows that [`Verdict::distant`] is about.
     distant: Vec<usize>,
+    /// The first row for which [`Verdict::hidden`] is above the tolerance.
+    hidden: Option<usize>,
 }
 
 impl Judge {
@@ -174,6 +176,16 @@ impl Judge {
             distant,
             flat: self.is_flat(p),
         }
+    }
+
+    /// [`Verdict::hidden`] and [`Verdict::distant`] alone, for a point whose residuals others have judged: the first row with too much of the
+    /// former, if there is one, else the rows with too much of the latter, increasing, which must be straight.
+    pub(crate) fn conceals(&mut self, p: &Point<'_>, tolerance: f64) -> (Option<usize>, &[usize]) {
+        self.is_found = false;
+        self.distant.clear();
+        self.read(p);
+        self.hidden(p, tolerance);
+        (self.hidden, &self.distant)
     }
 
     /// The rows, increasing, that must be straight, if the last verdict [needs](Verdict::needs_straight) it.
@@ -373,6 +385,7 @@ impl Judge {
     /// [`Verdict::hidden`] and [`Verdict::distant`], each looked at only where the tolerance asks for it.
     fn hidden(&mut self, p: &Point<'_>, tolerance: f64) -> (f64, f64) {
         let n = p.x.len();
+        self.hidden = None;
         // The least part that constants have of the terms, of all rows that have any: a quick look at rows without.
         let mut least = f64::INFINITY;
         for i in (0..n).filter(|&i| !p.rests(i)) {
@@ -404,6 +417,7 @@ impl Judge {
             }
             if !self.is_regular(p, part) {
                 hidden = larger(hidden, if_singular);
+                self.hidden = self.hidden.or(Some(i));
                 continue;
             }
             let if_regular = share(left + rounding, constant).powi(2);

@@ -56,7 +56,14 @@ pub(super) fn iterate(
         weighted: false,
         tried: f64::INFINITY,
     };
-    let outcome = run.go(&mut jac, x);
+    let outcome = match run.go(&mut jac, x) {
+        Ok(Ok(convergence)) => match run.hidden_row(&mut jac, x) {
+            Ok(Some(row)) => Ok(Err(Failure::FarOut { row })),
+            Ok(None) => Ok(Ok(convergence)),
+            Err(error) => Err(error),
+        },
+        other => other,
+    };
     let best_norm = run.best_norm;
     work.jac = Some(jac);
     match outcome? {
@@ -232,13 +239,18 @@ impl Run<'_> {
         norm2(&self.work.trial_r)
     }
 
-    fn linearize(&mut self, jac: &mut Matrix, x: &[f64]) -> Result<(), NewtonError> {
+    pub(super) fn linearize(&mut self, jac: &mut Matrix, x: &[f64]) -> Result<(), NewtonError> {
         jac.clear();
         self.system.linearize(x, jac);
         if let Some((row, col)) = jac.stray() {
             return Err(PiecewiseError::StrayEntry { row, col }.into());
         }
         Ok(())
+    }
+
+    /// Rounding of a residual as a part of the size of its terms.
+    pub(super) fn floor(&self) -> f64 {
+        8.0 * f64::EPSILON * (self.n as f64).sqrt().max(4.0)
     }
 
     /// Tolerance on the residual relative to the size of its terms; the rounding floor of those terms counts as converged once
@@ -251,7 +263,7 @@ impl Run<'_> {
         previous: f64,
         evaluation: Evaluation,
     ) -> Result<Option<Convergence>, NewtonError> {
-        let floor = 8.0 * f64::EPSILON * (self.n as f64).sqrt().max(4.0);
+        let floor = self.floor();
         let mut outcome = None;
         if norm <= self.options.absolute_tolerance {
             outcome = Some(Convergence::Tolerance);
@@ -282,7 +294,7 @@ impl Run<'_> {
             }
         }
         if outcome.is_some() && !evaluation.settled {
-            self.system.natural(x, &mut self.work.trial_r);
+            self.system.natural(x, &mut self.work.r);
             self.work.report.evaluations += 1;
             self.system.accept();
         }

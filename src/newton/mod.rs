@@ -4,6 +4,7 @@ mod chords;
 mod convergence;
 mod enclosed;
 mod error;
+mod far;
 mod forcing;
 mod inexact;
 mod iterate;

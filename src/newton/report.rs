@@ -1,7 +1,7 @@
 use crate::piecewise::RegularityReport;
 use std::fmt;
 
-use crate::words::{Count, iterations};
+use crate::words::{Count, Size, iterations};
 
 /// One iteration of the corrector.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,6 +73,12 @@ pub enum Failure {
     },
     /// The Jacobian is singular at the last iterate, and neither least-squares steps nor changes of pieces lead on from it.
     Singular,
+    /// So far out that the rounding of the terms of a row exceeds its constants, at a singular or varying Jacobian: whether a solution is near
+    /// cannot be seen there.
+    FarOut {
+        /// The row.
+        row: usize,
+    },
     /// The map gave NaN or infinity, also for short steps.
     NotFinite,
     /// The observer asked to stop.
@@ -98,6 +104,10 @@ impl fmt::Display for Failure {
                 )
             }
             Self::Singular => f.write_str("the Jacobian is singular"),
+            Self::FarOut { row } => write!(
+                f,
+                "equation {row} holds only because rounding of its terms hides its constants this far out; start nearer to the solution"
+            ),
             Self::NotFinite => f.write_str("the map is not finite along every step tried"),
             Self::Interrupted => f.write_str("stopped by an observer, or at the limit on time (max_time)"),
             Self::Linear { residual } => write!(
@@ -172,10 +182,10 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{}, {}, residual {:.1e}",
+            "{}, {}, residual {}",
             iterations(self.history.len().saturating_sub(1)),
             Count(self.factorisations, "factorisation", "factorisations"),
-            self.residual_norm()
+            Size(self.residual_norm())
         )?;
         match &self.regularity {
             Some(regularity) => write!(f, "; {regularity}"),

@@ -1,4 +1,5 @@
 use super::{NewtonError, Report};
+use crate::judge::Judge;
 use crate::piecewise::PiecewiseError;
 use crate::sparse::{Matrix, Pattern};
 
@@ -24,6 +25,7 @@ pub(super) struct Workspace {
     /// Rows whose residual a full step no longer improves.
     pub(super) settled: Vec<bool>,
     pub(super) visited: Vec<(u64, f64)>,
+    pub(super) judge: Judge,
     pub(super) report: Report,
 }
 

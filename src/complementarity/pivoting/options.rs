@@ -1,6 +1,6 @@
 use std::fmt;
 
-use crate::words::Count;
+use crate::words::{Count, Size};
 
 /// Options of [`Lemke`](super::Lemke). The defaults suit most problems.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -133,10 +133,10 @@ impl fmt::Display for LemkeReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} after {}, residual {:.1e}",
+            "{} after {}, residual {}",
             self.status,
             Count(self.pivots, "exchange", "exchanges"),
-            self.residual
+            Size(self.residual)
         )
     }
 }

@@ -4,6 +4,7 @@ use std::time::Duration;
 use super::McpStrategy;
 use crate::newton::{Tail, observed_order};
 use crate::piecewise::RegularityReport;
+use crate::words::Size;
 
 /// How a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,7 +66,8 @@ impl fmt::Display for McpStatus {
         match self {
             Self::Stationary { gradient_norm } => write!(
                 f,
-                "stationary point of the merit function (gradient {gradient_norm:.1e}) that is no solution"
+                "stationary point of the merit function (gradient {}) that is no solution",
+                Size(*gradient_norm)
             ),
             Self::AtRounding => {
                 f.write_str("the residual is only the rounding error of terms too large for the tolerance")

@@ -3,7 +3,7 @@ use std::fmt;
 use super::{DelassusError, DelassusProblem};
 use crate::contact::{ContactSolution, ContactState, LocalValues};
 use crate::sparse::dot;
-use crate::words::Count;
+use crate::words::{Count, Size};
 
 /// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -195,11 +195,11 @@ impl fmt::Display for DelassusReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} after {} and {}, residual {:.1e}",
+            "{} after {} and {}, residual {}",
             self.status,
             Count(self.factorisations, "factorisation", "factorisations"),
             Count(self.sweeps, "sweep", "sweeps"),
-            self.residual
+            Size(self.residual)
         )
     }
 }

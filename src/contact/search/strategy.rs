@@ -13,7 +13,7 @@ use crate::contact::{Contact, ContactError, ContactOptions};
 use crate::interface::View;
 use crate::newton::Failure;
 use crate::piecewise::PiecewiseSmooth;
-use crate::words::{iterations, named};
+use crate::words::{Size, iterations, named};
 
 /// Augmentation parameters tried after the prescribed one, in units of the stiffness of a contact node.
 const STIFFER: [f64; 3] = [1.0, 10.0, 1e3];
@@ -127,9 +127,9 @@ impl fmt::Display for ContactReport {
         match self.attempts.last() {
             Some(last) => write!(
                 f,
-                " after {}, residual {:.1e}",
+                " after {}, residual {}",
                 iterations(last.iterations),
-                last.residual_norm
+                Size(last.residual_norm)
             ),
             None => Ok(()),
         }

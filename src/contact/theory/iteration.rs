@@ -9,7 +9,7 @@ use crate::contact::{ContactError, ContactOptions};
 use crate::options::setters;
 use crate::piecewise::{PiecewiseSmooth, Selection, select};
 use crate::sparse::norm;
-use crate::words::iterations;
+use crate::words::{Size, iterations};
 
 /// Number of iterations without a new smallest change after which the iteration has stagnated.
 const STAGNATION: usize = 100;
@@ -109,7 +109,7 @@ impl fmt::Display for FixedPointReport {
         };
         write!(f, "{how} after {}", iterations(self.iterations()))?;
         match self.changes.last() {
-            Some(change) => write!(f, ", last change {change:.1e}"),
+            Some(change) => write!(f, ", last change {}", Size(*change)),
             None => Ok(()),
         }
     }
