@@ -15,6 +15,7 @@ mod random;
 mod active_set;
 mod games;
 mod infeasible;
+mod sparse;
 
 fn enumerate(lcp: &Lcp) -> SolutionSet {
     all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default()).unwrap()

@@ -316,7 +316,10 @@ impl Engine {
             }
             let part = changes as f64 / n as f64;
             // A layer of a set in the plane has about √n components; to peel off one by one is slow.
-            let peeling = self.history.len() > 3 && changes * changes > n && 2 * changes > before;
+            // Along a line the layers are single ones, and what tells is that there is no end to them.
+            let (passed, all) = (self.history.len(), n);
+            let peeling = 2 * changes > before
+                && (passed > 3 && changes * changes > all || passed > self.options.patience);
             if may_restart && (part > FAR || peeling) {
                 may_restart = false;
                 if self.coarse_start(lcp, systems, z)? {

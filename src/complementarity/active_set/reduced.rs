@@ -1,6 +1,7 @@
+use super::nested::algebraic_start;
 use super::{ActiveSetOptions, DirectReduced, MultigridReduced};
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};
-use crate::linear::LinearError;
+use crate::linear::{LinearError, aggregation_hierarchy};
 use crate::sparse::Matrix;
 
 /// Number of unknowns from which sparse symmetric systems are solved iteratively by [`AutoReduced`].
@@ -96,10 +97,15 @@ impl AutoReduced {
     }
 }
 
-/// Whether a matrix is large, sparse, symmetric and has a positive diagonal.
+/// Whether multigrid serves a matrix: large, sparse, symmetric, its diagonal positive.
 pub(super) fn suits_multigrid(matrix: &Matrix) -> bool {
+    matrix.nrows() >= ITERATIVE && is_sparse_and_positive(matrix)
+}
+
+/// Whether a matrix is sparse, symmetric and has a positive diagonal.
+fn is_sparse_and_positive(matrix: &Matrix) -> bool {
     let n = matrix.nrows();
-    n >= ITERATIVE && matrix.values().len() < n * 60 && is_symmetric(matrix) && {
+    matrix.values().len() < n * 60 && is_symmetric(matrix) && {
         let diagonal = |i| matrix.get(i, i);
         (0..n).all(|i| diagonal(i) > 0.0)
     }
@@ -172,6 +178,13 @@ impl ReducedSolver for AutoReduced {
     ) -> Result<Option<Start>, ComplementarityError> {
         match &mut self.iterative {
             Some(iterative) => iterative.coarse_start(lcp, options),
+            None if is_sparse_and_positive(lcp.matrix()) => {
+                // Coarser problems serve as a start only: where there are none, none is made.
+                let Ok(found) = aggregation_hierarchy(lcp.matrix().as_ref()) else {
+                    return Ok(None);
+                };
+                Ok(algebraic_start(lcp.into(), &found.0, &found.1, options).unwrap_or(None))
+            }
             None => Ok(None),
         }
     }

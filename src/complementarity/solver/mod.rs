@@ -1,5 +1,6 @@
 //! The solver of mixed complementarity problems.
 
+mod active_sets;
 mod descent;
 mod engine;
 mod equations;
@@ -36,6 +37,8 @@ use work::Work;
 /// # Strategy
 /// Strategies are tried in this order, each only if all before it failed; the report lists every attempt. All of it is deterministic.
 ///
+/// 0. Affine problems of at least 300 components begin with [active sets](super::active_set), on sparse factors or multigrid and from
+///    coarser problems: their iterations are listed as Newton's, and their solution is judged as any start.
 /// 1. The start is projected on the bounds; if F cannot be evaluated there a point nearby is sought. Rows and columns are equilibrated.
 ///    *Newton*: steps of the natural map (active-set steps), full while they reduce the merit ½‖Φ‖² of the penalised Fischer–Burmeister
 ///    function below the largest of its last values, and for a few steps without such a decrease (watchdog technique); else line searches
@@ -183,6 +186,14 @@ impl McpSolver {
     ) -> Result<&McpReport, ComplementarityError> {
         let clock = Clock::start();
         self.options.validate()?;
+        // An observer that has asked to stop is not called again.
+        let mut stopped = ControlFlow::Continue(());
+        let observe: &mut dyn FnMut(&McpIteration) -> ControlFlow<()> = &mut |iteration| {
+            if stopped.is_continue() {
+                stopped = observe(iteration);
+            }
+            stopped
+        };
         let (n, vars) = (problem.lower.len(), problem.function.num_vars());
         if vars > n {
             return Err(ComplementarityError::Dimensions {
@@ -202,6 +213,10 @@ impl McpSolver {
             true => {
                 let (jac, constants) = work.scratch();
                 units.find(problem, jac, constants);
+                if states.is_none() && active_sets::come_first(problem, &self.options) {
+                    let data = (&*jac, &**constants);
+                    active_sets::start(problem, data, x, &self.options, &mut self.report, observe, clock);
+                }
                 units.are_own()
             }
             false => true,
