@@ -315,12 +315,13 @@ impl Engine {
                 }
             }
             let part = changes as f64 / n as f64;
-            // A layer of a set in the plane has about √n components; to peel off one by one is slow.
-            // Along a line the layers are single ones, and what tells is that there is no end to them.
-            let (passed, all) = (self.history.len(), n);
-            let peeling = 2 * changes > before
-                && (passed > 3 && changes * changes > all || passed > self.options.patience);
-            if may_restart && (part > FAR || peeling) {
+            // A layer of a set in the plane has about √n components; to peel off one by one is slow. Along a line layers are single ones, and
+            // what tells is that there is no end to them.
+            let passed = self.history.len();
+            let is_layer = passed > 3 && changes * changes > n || passed > self.options.patience;
+            let peeling = is_layer && 2 * changes > before;
+            // Where factors are cheap a first iteration tells less than the ones that follow.
+            if may_restart && (part > FAR && !direct || peeling) {
                 may_restart = false;
                 if self.coarse_start(lcp, systems, z)? {
                     changes = n;
