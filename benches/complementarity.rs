@@ -54,6 +54,13 @@ fn grids(c: &mut Criterion) {
                     });
                 },
             );
+            let mut general = McpSolver::default();
+            group.bench_function(BenchmarkId::new(format!("general {}", problem.name()), m), |b| {
+                b.iter(|| {
+                    z.copy_from_slice(&start);
+                    assert!(general.solve(lcp.mcp(), &mut z).unwrap().is_solved());
+                });
+            });
         }
     }
     group.finish();
