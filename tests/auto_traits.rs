@@ -145,6 +145,9 @@ fn of_every_build() -> Vec<&'static str> {
         "contact::Frictionless": contact::Frictionless,
         "contact::FullContact": contact::FullContact<OrthotropicCoulomb>,
         "contact::GivenBound": contact::GivenBound,
+        "contact::Bonded": contact::Bonded,
+        "contact::Cohesive": contact::Cohesive<contact::PlanarCoulomb>,
+        "contact::LimitedShear": contact::LimitedShear,
         "contact::HildRenard": contact::HildRenard,
         "contact::HildRenardBranch": contact::HildRenardBranch,
         "contact::HildRenardCase": contact::HildRenardCase,
@@ -346,6 +349,7 @@ fn of_every_build() -> Vec<&'static str> {
         "sparse::Pattern": sparse::Pattern,
         "sparse::PatternRef": sparse::PatternRef<'static>,
         "sparse::SparseError": sparse::SparseError,
+        "sparse::Substructure": sparse::Substructure,
     }
 }
 

@@ -45,7 +45,7 @@ fn names_are_read_back() {
         CellKind::Hexahedron,
         CellKind::Triangle6,
     ]);
-    read_back(&[PlaneModel::Strain, PlaneModel::Stress]);
+    read_back(&[PlaneModel::Strain, PlaneModel::Stress, PlaneModel::Axisymmetric]);
     read_back(&[Dilatation::Automatic, Dilatation::Pointwise, Dilatation::Mean]);
     read_back(&McpOptions::default().strategies);
     read_back(&[

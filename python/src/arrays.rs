@@ -148,6 +148,24 @@ impl Sparse {
     }
 }
 
+/// Values, row indices and starts of columns.
+pub(crate) type Columns<'py> = (
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<i64>>,
+);
+
+/// A matrix in compressed columns, as `scipy.sparse.csc_matrix` takes it.
+pub(crate) fn columns<'py>(py: Python<'py>, matrix: &Matrix) -> Columns<'py> {
+    let integers = |v: &[usize]| PyArray1::from_iter(py, v.iter().map(|k| *k as i64));
+    let pattern = matrix.pattern();
+    (
+        PyArray1::from_slice(py, matrix.values()),
+        integers(pattern.row_idx()),
+        integers(pattern.col_ptr()),
+    )
+}
+
 /// A matrix as a numpy array.
 pub(crate) fn dense<'py>(py: Python<'py>, matrix: &Matrix) -> Bound<'py, PyArray2<f64>> {
     let array = PyArray2::zeros(py, [matrix.nrows(), matrix.ncols()], false);

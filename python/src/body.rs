@@ -5,12 +5,12 @@ use std::ffi::CString;
 use numpy::PyArray1;
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyFloat, PyList, PyString, PyTuple};
+use pyo3::types::{PyBool, PyDict, PyFloat, PyList, PyString, PyTuple};
 use semismooth::UnknownName;
 use semismooth::fem::{self, ElasticSystem, Elasticity, PlaneModel};
 use semismooth::interface::LoadCase;
 
-use crate::arrays::counted;
+use crate::arrays::{Columns, columns, counted};
 use crate::errors::raised;
 use crate::fields::{Direction, Failures, Scalar};
 use crate::mesh::Mesh;
@@ -127,13 +127,6 @@ impl Load {
     }
 }
 
-/// Values, row indices and starts of columns.
-type Columns<'py> = (
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<i64>>,
-    Bound<'py, PyArray1<i64>>,
-);
-
 /// A linearly elastic body on supports, discretised by linear (triangles, tetrahedra) or multilinear elements.
 ///
 /// Any consistent units: metres and GPa give nodal forces in GN (in the plane per metre of depth).
@@ -147,12 +140,16 @@ type Columns<'py> = (
 ///     that are free. Numbers may be functions of a point of shape (d,). Where groups share nodes, later ones take precedence.
 /// materials : dict, optional
 ///     Other materials for groups of cells.
-/// plane : {"strain", "stress"}
-///     Plane strain or plane stress; for meshes in the plane.
+/// plane : {"strain", "stress", "axisymmetric"}
+///     Plane strain, plane stress, or a body of revolution about x = 0 without torsion (x is the radius, y the height): loads are forces per
+///     area and volume of the rings, areas and nodal forces those of the whole rings; for meshes in the plane.
 /// dilatation : {"automatic", "pointwise", "mean"}
 ///     How quadrilaterals and hexahedra integrate the volumetric strain: as the mean over each cell (B-bar), which keeps them from locking
 ///     where the material is nearly incompressible; "automatic": where Poisson's ratio is above 0.45. Triangles and tetrahedra lock
 ///     there, with a warning; see ``notes``.
+/// floating : bool
+///     Whether supports may leave rigid motions, of bodies that contact and friction alone hold (``supports={}``): with ``form="full"`` of
+///     :class:`ContactProblem`, which says where nothing balances the load.
 ///
 /// >>> import semismooth as ss
 /// >>> mesh = ss.Mesh.rectangle([0, 0], [4, 1], [8, 2])
@@ -170,7 +167,9 @@ pub(crate) struct Body {
 #[pymethods]
 impl Body {
     #[new]
-    #[pyo3(signature = (mesh, material, *, supports, materials=None, plane="strain", dilatation="automatic"))]
+    #[pyo3(signature = (
+        mesh, material, *, supports, materials=None, plane="strain", dilatation="automatic", floating=false
+    ))]
     fn new(
         mesh: &Bound<'_, Mesh>,
         material: &Bound<'_, Material>,
@@ -178,6 +177,7 @@ impl Body {
         materials: Option<&Bound<'_, PyDict>>,
         plane: &str,
         dilatation: &str,
+        floating: bool,
     ) -> PyResult<Self> {
         // Of their own, as the caller may change his.
         let (kept, others) = (supports.copy()?, materials.map(|m| m.copy()).transpose()?);
@@ -185,7 +185,9 @@ impl Body {
             PyString::new(mesh.py(), plane),
             PyString::new(mesh.py(), dilatation),
         );
-        let options: [(&'static str, Option<&Bound<'_, PyAny>>); 4] = [
+        let floats = PyBool::new(mesh.py(), floating).to_owned();
+        let options: [(&'static str, Option<&Bound<'_, PyAny>>); 5] = [
+            ("floating", Some(&floats)),
             ("supports", Some(&kept)),
             ("materials", others.as_ref().map(|m| m.as_any())),
             ("plane", Some(&word)),
@@ -194,20 +196,17 @@ impl Body {
         let made = Made::by(mesh.py(), "new", &[mesh, material], &options)?;
         let material = material.get();
         let (py, dim, failures) = (mesh.py(), mesh.get().mesh.dim(), Failures::default());
-        let plane = match plane {
-            "strain" => PlaneModel::Strain,
-            "stress" => PlaneModel::Stress,
-            other => {
-                return Err(PyValueError::new_err(format!(
-                    "plane = \"{other}\" is not known: write \"strain\" or \"stress\""
-                )));
-            }
-        };
+        let plane: PlaneModel = plane
+            .parse()
+            .map_err(|e: UnknownName| PyValueError::new_err(format!("plane: {e}")))?;
         let own = Elasticity::new(mesh.get().mesh.clone(), material.material.clone());
         let dilatation = dilatation
             .parse()
             .map_err(|e: UnknownName| PyValueError::new_err(format!("dilatation: {e}")))?;
         let mut body = own.with_plane_model(plane).with_dilatation(dilatation);
+        if floating {
+            body = body.floating();
+        }
         for (name, material) in materials.into_iter().flatten() {
             let material = material.cast_into::<Material>()?;
             body = body.with_material(name.extract::<String>()?, material.get().material.clone());
@@ -246,14 +245,7 @@ impl Body {
     /// ``scipy.sparse.csc_matrix(body.stiffness)``. Displacements are numbered node by node, component by component.
     #[getter]
     fn stiffness<'py>(&self, py: Python<'py>) -> Columns<'py> {
-        let a = self.system.stiffness();
-        let integers = |v: &[usize]| PyArray1::from_iter(py, v.iter().map(|k| *k as i64));
-        let pattern = a.pattern();
-        (
-            PyArray1::from_slice(py, a.values()),
-            integers(pattern.row_idx()),
-            integers(pattern.col_ptr()),
-        )
+        columns(py, self.system.stiffness())
     }
 
     /// The load of a traction on a group of facets: force per area (in the plane per length), a vector of shape (d,) or a function of a

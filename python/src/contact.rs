@@ -9,219 +9,20 @@ use pyo3::types::{PyList, PyString};
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactError, FullContact, ReducedBody, ReducedContact, ReducedOptions,
 };
-use semismooth::fem::{self, ContactRows, MultiplierSpace};
+use semismooth::fem;
 use semismooth::interface::{LoadCase, LoadPath};
 use semismooth::piecewise::PiecewiseSmooth;
 
 use crate::arrays::{counted, truncated, vector};
 use crate::body::{Body, Load};
 use crate::errors::{Run, SemismoothError, raised};
-use crate::fields::{Direction, Failures, Scalar, in_space};
+use crate::fields::Failures;
+use crate::foundation::{Opposite, multipliers};
+use crate::given::{Compliance, Given, Origin, of_contact_nodes};
 use crate::laws::{Law, law};
 use crate::map::{Map, smooth};
 use crate::saving::Made;
 use crate::solution::ContactSolution;
-
-/// A rigid foundation: the gap below each contact node, and the direction in which it is measured. Made by :meth:`plane` and :meth:`gap`.
-#[pyclass(frozen, module = "semismooth")]
-pub(crate) struct Foundation {
-    pub(crate) made: Made,
-    shape: Shape,
-    normal: Option<Direction>,
-    tangent: Option<Direction>,
-}
-
-enum Shape {
-    Plane { point: Vec<f64>, normal: Vec<f64> },
-    Gap(Scalar),
-}
-
-#[pymethods]
-impl Foundation {
-    fn __repr__(&self) -> String {
-        match &self.shape {
-            Shape::Plane { point, normal } => {
-                format!("<Foundation: plane through {point:?} with normal {normal:?}>")
-            }
-            Shape::Gap(Scalar::Constant(gap)) => format!("<Foundation at distance {gap:?}>"),
-            Shape::Gap(Scalar::Called(_)) => "<Foundation at a distance given by a function>".to_owned(),
-        }
-    }
-
-    /// The half-space below the plane through ``point``, shape (d,), with the normal ``normal``, shape (d,), which points to the body.
-    #[staticmethod]
-    #[pyo3(signature = (point, normal, *, tangent=None))]
-    fn plane(
-        point: &Bound<'_, PyAny>,
-        normal: &Bound<'_, PyAny>,
-        tangent: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let made = Made::by(point.py(), "plane", &[point, normal], &[("tangent", tangent)])?;
-        Ok(Self {
-            made,
-            shape: Shape::Plane {
-                point: vector(point, "point")?,
-                normal: vector(normal, "normal")?,
-            },
-            normal: None,
-            tangent: tangent.map(|t| Direction::of(t, "tangent")).transpose()?,
-        })
-    }
-
-    /// A foundation at the distance ``gap``, a length or a function of a point, measured along the outward normals of the body, or along
-    /// ``normal``, a vector of shape (d,) or a function that returns one, pointing out of the body. In space ``tangent`` is the first
-    /// principal axis of friction (its part orthogonal to the normal; the projected x axis unless given).
-    #[staticmethod]
-    #[pyo3(signature = (gap, *, normal=None, tangent=None))]
-    fn gap(
-        gap: &Bound<'_, PyAny>,
-        normal: Option<&Bound<'_, PyAny>>,
-        tangent: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let options = [("normal", normal), ("tangent", tangent)];
-        let made = Made::by(gap.py(), "gap", &[gap], &options)?;
-        Ok(Self {
-            made,
-            shape: Shape::Gap(Scalar::of(gap, "gap")?),
-            normal: normal.map(|n| Direction::of(n, "normal")).transpose()?,
-            tangent: tangent.map(|t| Direction::of(t, "tangent")).transpose()?,
-        })
-    }
-}
-
-impl Foundation {
-    fn foundation(&self, py: Python<'_>, dim: usize, failures: &Failures) -> PyResult<fem::Foundation> {
-        let mut foundation = match &self.shape {
-            Shape::Plane { point, normal } => {
-                fem::Foundation::plane(in_space(point, dim, "point")?, in_space(normal, dim, "normal")?)
-            }
-            Shape::Gap(gap) => fem::Foundation::gap(gap.function(py, dim, failures)),
-        };
-        if let Some(normal) = &self.normal {
-            foundation = foundation.with_normal(normal.function(py, dim, "normal", failures)?);
-        }
-        if let Some(tangent) = &self.tangent {
-            foundation = foundation.with_tangent(tangent.function(py, dim, "tangent", failures)?);
-        }
-        Ok(foundation)
-    }
-}
-
-/// The facets that may touch each other where both sides are deformable; those of the contact problem carry the multipliers.
-///
-/// Parameters
-/// ----------
-/// facets : str
-///     The other group of facets, of the same mesh; the nodes of both need not match.
-/// gap : number or function of a point, optional
-///     Added to the distance between the meshes; negative for an interference.
-/// tangent : vector of shape (d,) or function of a point, optional
-///     In space, the first principal axis of friction.
-/// reach : float, optional
-///     Facets further apart do not face each other.
-#[pyclass(frozen, module = "semismooth")]
-pub(crate) struct Mortar {
-    facets: String,
-    gap: Option<Scalar>,
-    tangent: Option<Direction>,
-    reach: Option<f64>,
-}
-
-#[pymethods]
-impl Mortar {
-    #[new]
-    #[pyo3(signature = (facets, *, gap=None, tangent=None, reach=None))]
-    fn new(
-        facets: String,
-        gap: Option<&Bound<'_, PyAny>>,
-        tangent: Option<&Bound<'_, PyAny>>,
-        reach: Option<f64>,
-    ) -> PyResult<Self> {
-        Ok(Self {
-            facets,
-            gap: gap.map(|g| Scalar::of(g, "gap")).transpose()?,
-            tangent: tangent.map(|t| Direction::of(t, "tangent")).transpose()?,
-            reach,
-        })
-    }
-}
-
-impl Mortar {
-    fn mortar(&self, py: Python<'_>, dim: usize, failures: &Failures) -> PyResult<fem::Mortar> {
-        let mut mortar = fem::Mortar::default();
-        if let Some(gap) = &self.gap {
-            mortar = mortar.with_gap(gap.function(py, dim, failures));
-        }
-        if let Some(tangent) = &self.tangent {
-            mortar = mortar.with_tangent(tangent.function(py, dim, "tangent", failures)?);
-        }
-        Ok(match self.reach {
-            Some(reach) => mortar.with_reach(reach),
-            None => mortar,
-        })
-    }
-}
-
-/// What a boundary may touch.
-enum Opposite {
-    Foundation(fem::Foundation),
-    Boundary(String, fem::Mortar),
-}
-
-impl Opposite {
-    fn of(given: &Bound<'_, PyAny>, dim: usize, failures: &Failures) -> PyResult<Self> {
-        if let Ok(foundation) = given.cast::<Foundation>() {
-            return Ok(Self::Foundation(foundation.get().foundation(
-                given.py(),
-                dim,
-                failures,
-            )?));
-        }
-        if let Ok(mortar) = given.cast::<Mortar>() {
-            let own = mortar.get();
-            return Ok(Self::Boundary(
-                own.facets.clone(),
-                own.mortar(given.py(), dim, failures)?,
-            ));
-        }
-        match given.extract::<String>() {
-            Ok(facets) => Ok(Self::Boundary(facets, fem::Mortar::default())),
-            Err(_) => Err(PyTypeError::new_err(
-                "the third argument is a Foundation, the name of the facets on the other side, or a Mortar",
-            )),
-        }
-    }
-
-    fn rows(
-        &self,
-        system: &fem::ElasticSystem,
-        facets: &str,
-        multipliers: MultiplierSpace,
-    ) -> Result<ContactRows, fem::FemError> {
-        match self {
-            Self::Foundation(foundation) => system.contact_with(facets, foundation, multipliers),
-            Self::Boundary(other, mortar) => system.contact_between(facets, other, mortar),
-        }
-    }
-}
-
-/// The space of contact forces by its name, or the size of its patches.
-fn multipliers(given: Option<&Bound<'_, PyAny>>) -> PyResult<MultiplierSpace> {
-    let Some(given) = given else {
-        return Ok(MultiplierSpace::Nodal);
-    };
-    if let Ok(size) = given.extract::<f64>() {
-        return Ok(MultiplierSpace::Patches { size });
-    }
-    match given.extract::<String>().as_deref() {
-        Ok("nodal") => Ok(MultiplierSpace::Nodal),
-        Ok("dual cells") => Ok(MultiplierSpace::DualCells),
-        _ => Err(PyValueError::new_err(format!(
-            "multipliers = {} is not known: write \"nodal\", \"dual cells\", or the size of patches",
-            given.repr()?
-        ))),
-    }
-}
 
 /// A problem in one of its forms.
 #[derive(Clone)]
@@ -276,8 +77,9 @@ impl Form {
 /// foundation : Foundation, str or Mortar
 ///     A rigid foundation; or the group of facets on the other side, where both sides are deformable (the bodies are parts of one mesh,
 ///     whose nodes need not match), with its settings as a :class:`Mortar`.
-/// friction : number, array of shape (p,), Friction, or a pair of them, or GivenBound, or None
-///     The coefficient; in space also a pair of coefficients, along the two tangents; :class:`GivenBound`: Tresca friction; ``None``: none.
+/// friction : number, array of shape (p,), Friction, or a pair of them, GivenBound, LimitedShear, Cohesion, Bonded, or None
+///     The coefficient (an array of shape (number of mesh nodes,) gives those of the contact nodes by its entries at :attr:`nodes`); in
+///     space also a pair of coefficients, along the two tangents; :class:`GivenBound`: Tresca friction; ``None``: none.
 /// load, rate : Load, optional
 ///     The constant load, and the load multiplied by the parameter. Displacements prescribed by the body's supports act at every parameter.
 /// paths : list of (Load, callable), optional
@@ -292,6 +94,9 @@ impl Form {
 ///     The space of the p contact forces (Haslinger, Kučera, Vlach 2008): nodal forces (unless given); constant on the part of the facets
 ///     nearest to each node ("dual cells"); or constant on patches, each of the facets whose centroids lie in one box of a grid of this
 ///     width. Contact nodes of patches are the mesh nodes nearest to their centroids.
+/// stiffness : pair of numbers or arrays of shape (p,), optional
+///     Of a layer between both sides, along the normal and along the tangents, forces per area and displacement (``None``: rigid): normal
+///     compliance and elastic slip, in series with the law. Penetrations and slips of solutions are those of the law, without the layer.
 ///
 /// >>> import semismooth as ss
 /// >>> body = ss.Body(ss.Mesh.rectangle([0, 0], [2, 1], [8, 4]), ss.Material(1.0, 0.3), supports={"top": [0.0, -0.02]})
@@ -304,11 +109,8 @@ impl Form {
 pub(crate) struct ContactProblem {
     pub(crate) made: Made,
     pub(crate) route: Route,
-    pub(crate) rows: Arc<ContactRows>,
-    /// The body.
-    #[pyo3(get)]
-    pub(crate) body: Py<Body>,
-    law: Law,
+    pub(crate) origin: Origin,
+    pub(crate) law: Law,
     parameters: usize,
 }
 
@@ -316,7 +118,8 @@ pub(crate) struct ContactProblem {
 impl ContactProblem {
     #[new]
     #[pyo3(signature = (
-        body, facets, foundation, friction, *, load=None, rate=None, paths=None, form="condensed", multipliers=None
+        body, facets, foundation, friction, *, load=None, rate=None, paths=None, form="condensed", multipliers=None,
+        stiffness=None
     ))]
     fn new(
         body: &Bound<'_, Body>,
@@ -328,6 +131,7 @@ impl ContactProblem {
         paths: Option<Vec<(Bound<'_, Load>, Bound<'_, PyAny>)>>,
         form: &str,
         multipliers: Option<&Bound<'_, PyAny>>,
+        stiffness: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let (py, system) = (body.py(), &body.get().system);
         let paths = amplitudes(py, paths.unwrap_or_default())?;
@@ -337,12 +141,13 @@ impl ContactProblem {
             PyString::new(py, form),
             PyList::new(py, &paths)?,
         );
-        let options: [(&'static str, Option<&Bound<'_, PyAny>>); 5] = [
+        let options: [(&'static str, Option<&Bound<'_, PyAny>>); 6] = [
             ("load", load.map(|l| l.as_any())),
             ("rate", rate.map(|l| l.as_any())),
             ("paths", Some(&list)),
             ("form", Some(&word)),
             ("multipliers", multipliers),
+            ("stiffness", stiffness),
         ];
         let made = Made::by(
             py,
@@ -364,7 +169,7 @@ impl ContactProblem {
         let path = load_path(body, load, rate, paths)?;
         let large = system.num_free() > if dim == 2 { PLANE } else { SOLID };
         let form = match form {
-            "auto" if large && !between => "reduced",
+            "auto" if large && !between && stiffness.is_none() => "reduced",
             "auto" => "condensed",
             "condensed" | "full" | "reduced" => form,
             other => {
@@ -378,7 +183,16 @@ impl ContactProblem {
         for case in moving.chain(cases.iter()) {
             rows.check_supports(system, case).map_err(raised)?;
         }
-        let law = law(friction, dim, rows.nodes.len())?;
+        let picked = friction
+            .map(|f| of_contact_nodes(f, &rows.nodes, system.mesh().num_nodes()))
+            .transpose()?;
+        let law = law(picked.as_ref(), dim, &rows.areas)?;
+        let compliance = Compliance::new(stiffness, &rows.areas)?;
+        if form == "reduced" && compliance.is_some() {
+            return Err(PyValueError::new_err(
+                "a problem in reduced form has no stiffness between its sides: write form=\"condensed\"",
+            ));
+        }
         let own = law.clone();
         let route = py.detach(|| -> Result<Route, SetupError> {
             let mut tangential = vec![rows.tangential.clone()];
@@ -391,6 +205,7 @@ impl ContactProblem {
             }
             let body = ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, path)?
                 .with_gap(rows.gap.clone())?;
+            let body = Compliance::of(body, compliance)?;
             Ok(Route::Mapped(Box::new(match form {
                 "condensed" => Form::Condensed(CondensedContact::new(body, own)?),
                 _ => Form::Full(FullContact::new(body, own)?),
@@ -402,30 +217,135 @@ impl ContactProblem {
                 SetupError::Body(e) => raised(e),
                 SetupError::Contact(e) => raised(e),
             })?,
-            rows: Arc::new(rows),
-            body: body.clone().unbind(),
+            origin: Origin::Mesh {
+                body: body.clone().unbind(),
+                rows: Arc::new(rows),
+            },
             law,
             parameters: 1,
         })
     }
 
-    /// The problem with a second parameter β, after α in x: the load is f(α) + β ``load``. For :func:`transition_set`.
-    fn with_second_parameter(slf: &Bound<'_, Self>, load: &Bound<'_, Load>) -> PyResult<Self> {
+    /// A body given by matrices: A u = f − Bνᵀ λν − Σ Btᵀ λt with n displacements u, u_ν = Bν u ≤ ``gap`` at p contact nodes, from another
+    /// program, or a substructure condensed onto some of its displacements.
+    ///
+    /// Parameters
+    /// ----------
+    /// stiffness : matrix of shape (n, n)
+    ///     Dense, or of scipy.sparse; symmetric, positive definite. Where rounding of a file has made it unsymmetric, by 1e-10 to 1e-6 of its
+    ///     largest entry, its symmetric part is taken, with a warning; see :attr:`notes`. Form "full" takes other matrices, too.
+    /// normal : matrix of shape (p, n)
+    ///     Bν, along unit normals out of the body.
+    /// tangential : list of one or two matrices of shape (p, n)
+    ///     Bt, along unit tangents: one in the plane, two in space. A row of zeros holds that tangent, as on planes of symmetry.
+    /// friction : number, array of shape (p,), Friction, or a pair of them, or GivenBound, or None
+    ///     As for :class:`ContactProblem`.
+    /// load, rate : arrays of shape (n,), optional
+    ///     The constant forces f, and those multiplied by the parameter.
+    /// gap : array of shape (p,), optional
+    ///     0 unless given.
+    /// points : array of shape (p, d), optional
+    ///     Coordinates of the contact nodes, for :attr:`points`.
+    /// form : {"condensed", "full"}
+    /// springs : pair of numbers or arrays of shape (p,), optional
+    ///     As ``stiffness`` of :class:`ContactProblem`, but nodal forces per displacement.
+    ///
+    /// >>> import numpy as np, semismooth as ss
+    /// >>> problem = ss.ContactProblem.from_matrices(np.diag([2.0, 2.0]), [[1.0, 0.0]], [[[0.0, 1.0]]], 0.5, load=[1.0, 0.3])
+    /// >>> problem.solve().states, problem.solve().displacements
+    /// (['stick'], array([0., 0.]))
+    #[staticmethod]
+    #[pyo3(signature = (
+        stiffness, normal, tangential, friction, *, load=None, rate=None, gap=None, points=None, form="condensed",
+        springs=None
+    ))]
+    fn from_matrices(
+        stiffness: &Bound<'_, PyAny>,
+        normal: &Bound<'_, PyAny>,
+        tangential: &Bound<'_, PyAny>,
+        friction: Option<&Bound<'_, PyAny>>,
+        load: Option<&Bound<'_, PyAny>>,
+        rate: Option<&Bound<'_, PyAny>>,
+        gap: Option<&Bound<'_, PyAny>>,
+        points: Option<&Bound<'_, PyAny>>,
+        form: &str,
+        springs: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (py, none) = (stiffness.py(), stiffness.py().None());
+        let none = none.bind(py);
+        let word = PyString::new(py, form);
+        let options: [(&'static str, Option<&Bound<'_, PyAny>>); 6] = [
+            ("load", load),
+            ("rate", rate),
+            ("gap", gap),
+            ("points", points),
+            ("form", Some(&word)),
+            ("springs", springs),
+        ];
+        let arguments = [stiffness, normal, tangential, friction.unwrap_or(none)];
+        let made = Made::by(py, "from_matrices", &arguments, &options)?;
+        let (given, body) = Given::new([stiffness, normal, tangential], [load, rate], gap, points)?;
+        let areas = vec![1.0; body.num_contacts()];
+        let law = law(friction, 1 + body.num_tangents(), &areas)?;
+        let body = Compliance::of(body, Compliance::new(springs, &areas)?).map_err(raised)?;
+        let own = law.clone();
+        let mapped = match form {
+            "condensed" => py.detach(|| CondensedContact::new(body, own).map(Form::Condensed)),
+            "full" => py.detach(|| FullContact::new(body, own).map(Form::Full)),
+            other => {
+                return Err(PyValueError::new_err(format!(
+                    "form = \"{other}\" is not known: a body given by matrices has the forms \"condensed\" and \"full\""
+                )));
+            }
+        };
+        Ok(Self {
+            made,
+            route: Route::Mapped(Box::new(mapped.map_err(raised)?)),
+            origin: Origin::Matrices(Arc::new(given)),
+            law,
+            parameters: 1,
+        })
+    }
+
+    /// The body; ``None`` where the problem is given by matrices.
+    #[getter]
+    fn body(&self, py: Python<'_>) -> Option<Py<Body>> {
+        match &self.origin {
+            Origin::Mesh { body, .. } => Some(body.clone_ref(py)),
+            Origin::Matrices(_) => None,
+        }
+    }
+
+    /// What should be known of the discretisation: see :attr:`Body.notes`, and where matrices were not symmetric.
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        match &self.origin {
+            Origin::Mesh { body, .. } => body.get().system.notes(),
+            Origin::Matrices(given) => given.note.iter().cloned().collect(),
+        }
+    }
+
+    /// The problem with a second parameter β, after α in x: the load is f(α) + β ``load``. For :func:`transition_set`. Where the problem is
+    /// given by matrices, ``load`` is an array of shape (n,).
+    fn with_second_parameter(slf: &Bound<'_, Self>, load: &Bound<'_, PyAny>) -> PyResult<Self> {
         let (own, made) = (slf.get(), Made::from(slf, "with_second_parameter", &[load])?);
-        let load = load.get();
+        let case = match (&own.origin, load.cast::<Load>()) {
+            (Origin::Mesh { .. }, Ok(load)) => load.get().case.clone(),
+            (Origin::Mesh { .. }, Err(_)) => {
+                return Err(PyTypeError::new_err("the load of a body with a mesh is a Load"));
+            }
+            (Origin::Matrices(_), _) => vector(load, "the load")?.into(),
+        };
         let form = match own.form()? {
             Form::Condensed(p) => p
-                .with_second_parameter(&load.case, own.law.clone())
+                .with_second_parameter(&case, own.law.clone())
                 .map(Form::Condensed),
-            Form::Full(p) => p
-                .with_second_parameter(&load.case, own.law.clone())
-                .map(Form::Full),
+            Form::Full(p) => p.with_second_parameter(&case, own.law.clone()).map(Form::Full),
         };
         Ok(Self {
             made,
             route: Route::Mapped(Box::new(form.map_err(raised)?)),
-            rows: own.rows.clone(),
-            body: own.body.clone_ref(slf.py()),
+            origin: own.origin.clone_ref(slf.py()),
             law: own.law.clone(),
             parameters: 2,
         })
@@ -434,7 +354,7 @@ impl ContactProblem {
     /// Number p of contact nodes.
     #[getter]
     pub(crate) fn num_contacts(&self) -> usize {
-        self.rows.nodes.len()
+        self.origin.gaps().len()
     }
 
     /// Number of entries of x, its one or two parameters included.
@@ -448,27 +368,29 @@ impl ContactProblem {
 
     /// Index of the mesh node of each contact node, shape (p,), ordered by x, then y, then z.
     #[getter]
-    fn nodes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        PyArray1::from_iter(py, self.rows.nodes.iter().map(|n| *n as i64))
+    fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<i64>>> {
+        let nodes = &self.origin.rows("nodes")?.nodes;
+        Ok(PyArray1::from_iter(py, nodes.iter().map(|n| *n as i64)))
     }
 
     /// Coordinates of the contact nodes, shape (p, d).
     #[getter]
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        truncated(py, self.dim(), &self.rows.points)
+        truncated(py, self.dim(), self.origin.points()?)
     }
 
     /// Unit normals, out of the body, shape (p, d).
     #[getter]
     fn normals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        truncated(py, self.dim(), &self.rows.normals)
+        truncated(py, self.dim(), &self.origin.rows("normals")?.normals)
     }
 
     /// Unit tangents along which slips and tractions are measured, d − 1 arrays of shape (p, d).
     #[getter]
     fn tangents<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+        let rows = self.origin.rows("tangents")?;
         let along = |t: usize| {
-            let tangents: Vec<_> = self.rows.tangents.iter().map(|both| both[t]).collect();
+            let tangents: Vec<_> = rows.tangents.iter().map(|both| both[t]).collect();
             truncated(py, self.dim(), &tangents)
         };
         (0..self.dim() - 1).map(along).collect()
@@ -476,8 +398,8 @@ impl ContactProblem {
 
     /// Areas (in the plane lengths) of the contact nodes, shape (p,): nodal forces divided by them are pressures.
     #[getter]
-    fn areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.rows.areas)
+    fn areas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(PyArray1::from_slice(py, &self.origin.rows("areas")?.areas))
     }
 
     /// Tangents that are held at rest, as on planes of symmetry: bool, shape (p, d − 1). Solutions are then those with that symmetry: lists,
@@ -485,14 +407,14 @@ impl ContactProblem {
     #[getter]
     fn held<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
         let own = |h: &[bool; 2]| h[..self.dim() - 1].to_vec();
-        let rows: Vec<Vec<bool>> = self.rows.held.iter().map(own).collect();
+        let rows: Vec<Vec<bool>> = self.origin.held().iter().map(own).collect();
         PyArray2::from_vec2(py, &rows).map_err(|e| PyValueError::new_err(e.to_string()))
     }
 
     /// Initial gaps, shape (p,).
     #[getter]
     fn gaps<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.rows.gap)
+        PyArray1::from_slice(py, self.origin.gaps())
     }
 
     /// A solution at a parameter, by Newton's method from ``start`` and, where that fails, by lowering the body onto its foundation. Other
@@ -607,7 +529,7 @@ impl ContactProblem {
 
     /// Number of free displacements.
     pub(crate) fn num_displacements(&self) -> usize {
-        self.rows.normal.ncols()
+        self.origin.num_displacements()
     }
 
     fn solve_reduced(
@@ -640,7 +562,7 @@ impl ContactProblem {
 
     /// Whether x is a point of the problem in reduced form.
     pub(crate) fn check_length(&self, x: &[f64]) -> PyResult<()> {
-        let expected = self.num_displacements() + self.dim() * self.rows.nodes.len() + 1;
+        let expected = self.num_displacements() + self.dim() * self.num_contacts() + 1;
         match x.len() == expected {
             true => Ok(()),
             false => Err(SemismoothError::new_err(format!(
@@ -747,7 +669,5 @@ fn state(name: &str) -> PyResult<semismooth::contact::ContactState> {
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<Foundation>()?;
-    module.add_class::<Mortar>()?;
     module.add_class::<ContactProblem>()
 }

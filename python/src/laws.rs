@@ -229,8 +229,135 @@ impl GivenBound {
     }
 }
 
-/// The law of a problem from its argument `friction`: `None`, a number, an array, a pair of coefficients in space, or an object.
-pub(crate) fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize, nodes: usize) -> PyResult<Law> {
+/// Coulomb friction up to a limit of the shear stress: ‖λt‖ ≤ min(F λν, ``limit``), isotropic.
+///
+/// Parameters
+/// ----------
+/// friction : number or array of shape (p,)
+///     The coefficient F ≥ 0.
+/// limit : number or array of shape (p,)
+///     A force per area (in the plane per length), at least 0; a nodal force where the problem is given by matrices.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct LimitedShear {
+    pub(crate) made: Made,
+    friction: PerNode,
+    limit: PerNode,
+}
+
+#[pymethods]
+impl LimitedShear {
+    #[new]
+    fn new(friction: &Bound<'_, PyAny>, limit: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self {
+            made: Made::by(friction.py(), "new", &[friction, limit], &[])?,
+            friction: PerNode::of(friction, "the coefficient of friction")?,
+            limit: PerNode::of(limit, "the limit of shear")?,
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<LimitedShear: friction {}, limit {}>", self.friction, self.limit)
+    }
+}
+
+/// Cohesion: the law of ``friction`` with λν + T in place of λν, so that the bound is F (λν + T) = c + F λν with c = F T, down to the apex
+/// λν = −T. A node that opens bears the tension T at any distance.
+///
+/// Parameters
+/// ----------
+/// friction : number, array of shape (p,), Friction, a pair of them, LimitedShear, or None
+/// tension : number or array of shape (p,)
+///     T ≥ 0, a force per area (in the plane per length); a nodal force where the problem is given by matrices.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct Cohesion {
+    pub(crate) made: Made,
+    friction: Option<Py<PyAny>>,
+    tension: PerNode,
+}
+
+#[pymethods]
+impl Cohesion {
+    #[new]
+    fn new(friction: Option<&Bound<'_, PyAny>>, tension: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let py = tension.py();
+        let none = py.None().into_bound(py);
+        Ok(Self {
+            made: Made::by(py, "new", &[friction.unwrap_or(&none), tension], &[])?,
+            friction: friction.map(|f| f.clone().unbind()),
+            tension: PerNode::of(tension, "the tension")?,
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Cohesion: tension {}>", self.tension)
+    }
+}
+
+/// Nodes glued to what they touch, whatever the forces. With ``stiffness`` of :class:`ContactProblem` an elastic bond.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct Bonded {
+    pub(crate) made: Made,
+}
+
+#[pymethods]
+impl Bonded {
+    #[new]
+    fn new(py: Python<'_>) -> PyResult<Self> {
+        let made = Made::by(py, "new", &[], &[])?;
+        Ok(Self { made })
+    }
+
+    fn __repr__(&self) -> &'static str {
+        "<Bonded>"
+    }
+}
+
+/// One number for all contact nodes, or one each.
+pub(crate) enum PerNode {
+    Uniform(f64),
+    Each(Vec<f64>),
+}
+
+impl PerNode {
+    pub(crate) fn of(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
+        Ok(match object.extract::<f64>() {
+            Ok(value) => Self::Uniform(value),
+            Err(_) => Self::Each(vector(object, what)?),
+        })
+    }
+
+    /// The values at p nodes.
+    pub(crate) fn at(&self, nodes: usize, what: &str) -> PyResult<Vec<f64>> {
+        match self {
+            Self::Uniform(value) => Ok(vec![*value; nodes]),
+            Self::Each(values) if values.len() == nodes => Ok(values.clone()),
+            Self::Each(values) => Err(PyValueError::new_err(format!(
+                "{what} has {} values for {nodes} contact nodes",
+                values.len()
+            ))),
+        }
+    }
+
+    /// Times the areas of the nodes.
+    fn over(&self, areas: &[f64], what: &str) -> PyResult<Vec<f64>> {
+        let values = self.at(areas.len(), what)?;
+        Ok(values.iter().zip(areas).map(|(v, a)| v * a).collect())
+    }
+}
+
+impl std::fmt::Display for PerNode {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Uniform(value) => write!(f, "{value:?}"),
+            Self::Each(values) => write!(f, "of {}", counted(values.len(), "node")),
+        }
+    }
+}
+
+/// The law of a problem from its argument `friction`: `None`, a number, an array, a pair of coefficients in space, or an object. `areas` are
+/// those of the contact nodes.
+pub(crate) fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize, areas: &[f64]) -> PyResult<Law> {
+    let nodes = areas.len();
     let Some(friction) = friction else {
         return Ok(match dim {
             2 => Arc::new(Frictionless::plane()),
@@ -245,6 +372,26 @@ pub(crate) fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize, nodes: usize)
     if let Ok(bound) = friction.cast::<GivenBound>() {
         return Ok(Arc::new(bound.get().law(dim, nodes)?));
     }
+    if let Ok(limited) = friction.cast::<LimitedShear>() {
+        let own = limited.get();
+        let coefficients = own.friction.at(nodes, "the coefficient of friction")?;
+        let limits = own.limit.over(areas, "the limit of shear")?;
+        let law = contact::LimitedShear::new(dim - 1, coefficients, limits);
+        return Ok(Arc::new(law.map_err(raised)?));
+    }
+    if let Ok(cohesion) = friction.cast::<Cohesion>() {
+        let own = cohesion.get();
+        let inner = own.friction.as_ref().map(|f| f.bind(friction.py()));
+        let tension = own.tension.over(areas, "the tension")?;
+        let law = contact::Cohesive::new(law(inner, dim, areas)?, tension);
+        return Ok(Arc::new(law.map_err(raised)?));
+    }
+    if friction.cast::<Bonded>().is_ok() {
+        return Ok(match dim {
+            2 => Arc::new(contact::Bonded::plane()),
+            _ => Arc::new(contact::Bonded::space()),
+        });
+    }
     let coefficient = Friction::coefficient(friction)?;
     Ok(match dim {
         2 => Arc::new(PlanarCoulomb::new(coefficient)),
@@ -254,5 +401,8 @@ pub(crate) fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize, nodes: usize)
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Friction>()?;
-    module.add_class::<GivenBound>()
+    module.add_class::<GivenBound>()?;
+    module.add_class::<LimitedShear>()?;
+    module.add_class::<Cohesion>()?;
+    module.add_class::<Bonded>()
 }

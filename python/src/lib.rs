@@ -10,7 +10,9 @@ mod errors;
 mod events;
 mod expressions;
 mod fields;
+mod foundation;
 mod friction;
+mod given;
 mod laws;
 mod lists;
 mod map;
@@ -46,6 +48,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     mesh::register(module)?;
     body::register(module)?;
     laws::register(module)?;
+    foundation::register(module)?;
+    given::register(module)?;
     contact::register(module)?;
     solution::register(module)?;
     saving::register(module)?;

@@ -361,7 +361,7 @@ fn all_solutions(
     if let Ok(contact) = problem.cast::<ContactProblem>() {
         contact.get().one_parameter()?;
         let mut found = SolutionSet::of(py, contact.get().form()?.map(), parameter, &options)?;
-        if contact.get().rows.num_held() > 0 {
+        if contact.get().origin.num_held() > 0 {
             found.completeness.push_str(SYMMETRIC);
         }
         return Ok(found);

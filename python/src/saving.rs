@@ -9,12 +9,13 @@ use serde::de::DeserializeOwned;
 use crate::arrays::python;
 use crate::body::{Body, Load, Material};
 use crate::complementarity::{Lcp, LemkeResult, McpResult};
-use crate::contact::{ContactProblem, Foundation};
+use crate::contact::ContactProblem;
 use crate::continuation::Branch;
 use crate::diagram::{Diagram, Edge, Vertex};
 use crate::events::{BranchPoint, Crossing, Fold, Transition};
+use crate::foundation::Foundation;
 use crate::friction::FrictionResult;
-use crate::laws::{Friction, GivenBound};
+use crate::laws::{Bonded, Cohesion, Friction, GivenBound, LimitedShear};
 use crate::lists::{Continuum, Solution, SolutionSet};
 use crate::map::Map;
 use crate::mesh::Mesh;
@@ -116,7 +117,7 @@ impl Made {
 }
 
 /// Methods that make objects: a file says no others.
-const MAKERS: [&str; 17] = [
+const MAKERS: [&str; 18] = [
     "new",
     "plane",
     "gap",
@@ -130,6 +131,7 @@ const MAKERS: [&str; 17] = [
     "body_force",
     "motion",
     "with_second_parameter",
+    "from_matrices",
     "__add__",
     "__sub__",
     "__mul__",
@@ -177,6 +179,9 @@ made!(
     Foundation,
     Friction,
     GivenBound,
+    LimitedShear,
+    Cohesion,
+    Bonded,
     ContactProblem
 );
 
@@ -258,6 +263,9 @@ own!(
     Foundation,
     Friction,
     GivenBound,
+    LimitedShear,
+    Cohesion,
+    Bonded,
     ContactProblem,
     ContactSolution
 );

@@ -120,9 +120,10 @@ impl ContactSolution {
         rows(py, tangents, values.iter().map(|v| &v[..tangents]))
     }
 
-    fn system<'py>(&self, py: Python<'py>) -> (Bound<'py, crate::body::Body>, usize) {
+    /// The body and its dimension; `what` is asked for.
+    fn system<'py>(&self, py: Python<'py>, what: &str) -> PyResult<(Bound<'py, crate::body::Body>, usize)> {
         let problem = self.problem.get();
-        (problem.body.bind(py).clone(), problem.dim())
+        Ok((problem.origin.body(what)?.bind(py).clone(), problem.dim()))
     }
 }
 
@@ -176,18 +177,20 @@ impl ContactSolution {
         self.tangential(py, |v| v.slip)
     }
 
-    /// Displacements of all mesh nodes, shape (number of nodes, d).
+    /// Displacements of all mesh nodes, shape (number of nodes, d); u, shape (n,), where the problem is given by matrices.
     #[getter]
-    fn displacements<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (body, dim) = self.system(py);
+    fn displacements<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let Ok((body, dim)) = self.system(py, "mesh") else {
+            return Ok(PyArray1::from_slice(py, &self.free).into_any());
+        };
         let u = body.get().system.displacements(&self.free, &self.supports);
-        rows(py, dim, [u.map_err(raised)?.as_slice()])
+        Ok(rows(py, dim, [u.map_err(raised)?.as_slice()])?.into_any())
     }
 
     /// Forces of the supports on the body at prescribed displacements, 0 elsewhere, shape (number of nodes, d).
     #[getter]
     fn reactions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (body, dim) = self.system(py);
+        let (body, dim) = self.system(py, "reactions")?;
         let forces = body.get().system.reactions(&self.free, &self.supports);
         rows(py, dim, [forces.map_err(raised)?.as_slice()])
     }
@@ -195,7 +198,7 @@ impl ContactSolution {
     /// Stresses (11, 22, 33, 12, 23, 13) at the centres of the cells, shape (number of cells, 6).
     #[getter]
     fn stresses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (body, _) = self.system(py);
+        let (body, _) = self.system(py, "stresses")?;
         let system = &body.get().system;
         let stresses = py.detach(|| system.stresses(&self.free, &self.supports));
         rows(py, 6, stresses.map_err(raised)?.iter().map(|s| s.as_slice()))
@@ -225,6 +228,7 @@ impl ContactSolution {
     /// 0 open, 1 stick, 2 slip+, 3 slip-).
     #[getter]
     fn point_data<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.get().system(slf.py(), "fields")?;
         slf.py()
             .import("semismooth._meshes")?
             .call_method1("point_data", (slf,))
@@ -233,6 +237,7 @@ impl ContactSolution {
     /// Fields in the cells, a dict of arrays: "stress" (number of cells, 6) and "von Mises stress" (number of cells,).
     #[getter]
     fn cell_data<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.get().system(slf.py(), "fields")?;
         slf.py()
             .import("semismooth._meshes")?
             .call_method1("cell_data", (slf,))
@@ -240,6 +245,7 @@ impl ContactSolution {
 
     /// The mesh of the body with all fields, as a mesh of meshio: ``solution.to_meshio().write("solution.vtu")``.
     fn to_meshio<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.get().system(slf.py(), "fields")?;
         let mesh = slf.getattr("problem")?.getattr("body")?.getattr("mesh")?;
         let data = (slf.getattr("point_data")?, slf.getattr("cell_data")?);
         mesh.call_method1("to_meshio", data)

@@ -6,6 +6,7 @@ use crate::interface::View;
 use crate::linear::{Cholesky, LinearSolver};
 use crate::sparse::{Matrix, dot};
 use crate::spread::Random;
+use crate::variational::{Polyhedron, Projection};
 
 /// The shift added to the matrix scaled to unit diagonal, and the number of inverse iterations with it.
 const SHIFT: f64 = 1e-10;
@@ -14,6 +15,13 @@ const STEPS: usize = 8;
 const ROUNDING: f64 = 1e-12;
 /// Displacements of contact nodes in such a motion, and resultants of the load, below this share of their terms count as zero.
 const NOTHING: f64 = 1e-8;
+
+/// Largest number of zero-energy motions that are looked for: those of two solids, or of four plane bodies.
+const MOTIONS: usize = 12;
+/// A motion of which less than this part is independent of those before is one of them.
+const DEPENDENT: f64 = 1e-6;
+/// Largest number of times that planes are added to the cone of motions without forces: it is found to rounding after a few.
+const CUTS: usize = 30;
 
 /// A random start of inverse iteration.
 pub(super) fn random_start(n: usize) -> Vec<f64> {
@@ -75,34 +83,127 @@ pub(super) fn free_motion(a: &Matrix, start: Vec<f64>) -> Option<Vec<f64>> {
     Some(z)
 }
 
+/// Independent zero-energy motions, at most [`MOTIONS`], of length 1.
+fn free_motions(a: &Matrix) -> Vec<Vec<f64>> {
+    let mut random = Random::new(7);
+    let mut found: Vec<Vec<f64>> = Vec::new();
+    while found.len() < MOTIONS {
+        let start = (0..a.nrows()).map(|_| random.symmetric()).collect();
+        let Some(mut z) = free_motion(a, start) else {
+            break;
+        };
+        let whole = dot(&z, &z).sqrt();
+        // Twice, since what one pass leaves is rounding of what it takes away.
+        for other in found.iter().chain(&found) {
+            let along = dot(&z, other);
+            z.iter_mut().zip(other).for_each(|(z, o)| *z -= along * o);
+        }
+        let rest = dot(&z, &z).sqrt();
+        if rest.is_nan() || rest <= DEPENDENT * whole {
+            break;
+        }
+        z.iter_mut().for_each(|z| *z /= rest);
+        found.push(z);
+    }
+    found
+}
+
 impl<V: View, L: NodeLaw> Contact<V, L> {
     /// Why there is no solution, if the load moves the body where neither its stiffness nor contact resists: with A z = 0,
-    /// f·z = Σ λν Bν z + λt·Bt z cannot be positive where no node comes nearer, Bν z + F |Bt z| ≤ 0, as λν ≥ 0 and |λt| ≤ F λν.
+    /// f·z = Σ λν Bν z + λt·Bt z cannot be positive where no node comes nearer, Bν z + ‖F Bt z‖ ≤ 0, as λν ≥ 0 and ‖F⁻¹ λt‖ ≤ λν.
     pub(in crate::contact) fn unbalanced(&self, alpha: f64) -> Option<ContactError> {
-        let law = &self.law.law;
-        if !law.is_coulomb() {
+        if !self.law.law.is_coulomb() {
             return None;
         }
         let load = self.operator.load_at(&[alpha]);
         let z = free_motion(&self.operator.a, load.clone())?;
-        let work = dot(&load, &z);
-        let size: f64 = load.iter().zip(&z).map(|(f, z)| (f * z).abs()).sum();
+        let found = self.moved_by(alpha, &load, &z);
+        found.or_else(|| self.moved_beyond_friction(alpha, &load))
+    }
+
+    /// The motion nearest to the load among those with zero energy that bring no node nearer (J. Farkas 1902: it is 0 exactly where contact
+    /// forces balance the load), by planes that bound their cone: in the plane all of them, in space more where they are wanted.
+    fn moved_beyond_friction(&self, alpha: f64, load: &[f64]) -> Option<ContactError> {
+        let motions = free_motions(&self.operator.a);
+        let (k, p) = (motions.len(), self.num_contacts());
+        let traces: Vec<Vec<f64>> = motions.iter().map(|z| self.traces_of(z)).collect();
+        let friction: Vec<[f64; 2]> = self
+            .nodes(&self.zero(alpha))
+            .iter()
+            .map(|v| self.law.law.friction(v))
+            .collect();
+        let ray = |i: usize, side: [f64; 2]| -> Vec<f64> {
+            let tangential = |m: &[f64], d: usize| {
+                side[d] * friction[i][d] * m.get((d + 1) * p + i).copied().unwrap_or(0.0)
+            };
+            traces
+                .iter()
+                .map(|m| m[i] + tangential(m, 0) + tangential(m, 1))
+                .collect()
+        };
+        let mut rays = Vec::new();
+        for i in 0..p {
+            rays.extend([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].map(|side| ray(i, side)));
+        }
+        let wanted: Vec<f64> = motions.iter().map(|z| dot(load, z)).collect();
+        for _ in 0..CUTS {
+            let rows: Vec<&[f64]> = rays.iter().map(Vec::as_slice).collect();
+            let cone = Polyhedron::space(k).ok()?;
+            let cone = cone.with_inequalities(Matrix::from_rows(&rows).ok()?, vec![0.0; rows.len()]);
+            let Ok(Projection::Nearest(nearest)) = cone.and_then(|cone| cone.project(&wanted)) else {
+                return None;
+            };
+            let mut z = vec![0.0; load.len()];
+            for (motion, c) in motions.iter().zip(&nearest.x) {
+                z.iter_mut().zip(motion).for_each(|(z, m)| *z += c * m);
+            }
+            let size = z[largest(&z)].abs();
+            if size.is_nan() || size <= NOTHING * dot(&wanted, &wanted).sqrt() {
+                return None;
+            }
+            z.iter_mut().for_each(|z| *z /= size);
+            if let Some(found) = self.moved_by(alpha, load, &z) {
+                return Some(found);
+            }
+            let moved = self.traces_of(&z);
+            for i in 0..p {
+                let slip = |d: usize| friction[i][d] * moved.get((d + 1) * p + i).copied().unwrap_or(0.0);
+                let length = slip(0).hypot(slip(1));
+                if length > 0.0 && moved[i] + length > NOTHING {
+                    rays.push(ray(i, [slip(0) / length, slip(1) / length]));
+                }
+            }
+        }
+        None
+    }
+
+    /// B z.
+    fn traces_of(&self, z: &[f64]) -> Vec<f64> {
+        let mut moved = vec![0.0; self.num_traces()];
+        Matrix::as_ref(&self.operator.b_t).mul_transpose_add(1.0, z, &mut moved);
+        moved
+    }
+
+    /// The error of a load that does work in a zero-energy motion, with a largest displacement of 1, in which no node comes nearer.
+    fn moved_by(&self, alpha: f64, load: &[f64], z: &[f64]) -> Option<ContactError> {
+        let law = &self.law.law;
+        let work = dot(load, z);
+        let size: f64 = load.iter().zip(z).map(|(f, z)| (f * z).abs()).sum();
         if work.is_nan() || work <= NOTHING * size {
             return None;
         }
         let p = self.num_contacts();
-        let mut moved = vec![0.0; self.num_traces()];
-        Matrix::as_ref(&self.operator.b_t).mul_transpose_add(1.0, &z, &mut moved);
+        let moved = self.traces_of(z);
         for v in self.nodes(&self.zero(alpha)) {
             let friction = law.friction(&v);
             let moves = |d: usize| moved.get(d * p + v.node).copied().unwrap_or(0.0);
-            let slip = |d: usize| friction[d - 1] * moves(d).abs();
-            let nearer = moves(0) + slip(1) + slip(2);
+            let slip = |d: usize| friction[d - 1] * moves(d);
+            let nearer = moves(0) + slip(1).hypot(slip(2));
             if nearer.is_nan() || nearer > NOTHING {
                 return None;
             }
         }
-        let displacement = largest(&z);
+        let displacement = largest(z);
         let at = self.law.body.nodes.as_deref();
         Some(ContactError::Unbalanced {
             parameter: alpha,

@@ -102,6 +102,52 @@ impl ContactBody {
         Arc::make_mut(&mut self.operator).yielding = empty.iter().map(of).collect();
     }
 
+    /// Sets springs between the contact nodes and what they touch, in series with the law, by their compliances (length per force, ≥ 0, 0 is
+    /// rigid), one a node: normal compliance, u_ν − gap = c_ν λν in contact, and elastic slip, u_t = c_t λt + what slips (c_t along both
+    /// tangents in space). Penetrations and slips of [solutions](super::ContactSolution) are those of the law, without the springs; their
+    /// energy is part of what is stored. Held tangents stay held.
+    ///
+    /// ```
+    /// use semismooth::contact::{CondensedContact, ContactBody, FrictionCoefficient, LoadPath, PlanarCoulomb};
+    /// use semismooth::sparse::Matrix;
+    /// // A node of stiffness 2, pressed by 3 onto a layer of stiffness 4: it sinks in by 3 / (2 + 4).
+    /// let traces = [[1.0, 0.0], [0.0, 1.0]].map(|row| Matrix::from_rows(&[row]));
+    /// let [normal, tangential] = traces;
+    /// let load = LoadPath::constant(vec![3.0, 0.0]);
+    /// let a = Matrix::from_rows(&[[2.0, 0.0], [0.0, 2.0]])?;
+    /// let body = ContactBody::new(a, normal?, vec![tangential?], load)?.with_compliance(&[0.25], &[0.0])?;
+    /// let problem = CondensedContact::new(body, PlanarCoulomb::new(FrictionCoefficient::constant(0.3)?))?;
+    /// let x = problem.solve(0.0, None)?;
+    /// assert!((x[0] - 2.0).abs() < 1e-12 && (problem.displacements(&x)?[0] - 0.5).abs() < 1e-12);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Wrong lengths, values that are negative or not finite.
+    pub fn with_compliance(mut self, normal: &[f64], tangential: &[f64]) -> Result<Self, ContactError> {
+        let p = self.num_contacts();
+        for (what, list) in [
+            ("the normal compliance", normal),
+            ("the tangential compliance", tangential),
+        ] {
+            check_length(what, list, p)?;
+            if let Some(node) = list.iter().position(|c| *c < 0.0) {
+                return Err(ContactError::Invalid {
+                    what: format!("{what} of node {node} is {}; it must not be negative", list[node]),
+                });
+            }
+        }
+        let mut springs = normal.to_vec();
+        (0..self.num_tangents()).for_each(|_| springs.extend_from_slice(tangential));
+        for (k, spring) in springs.iter_mut().enumerate() {
+            if is_zero_column(&self.operator.b_t, k) {
+                *spring = self.operator.yielding.get(k).copied().unwrap_or(0.0);
+            }
+        }
+        Arc::make_mut(&mut self.operator).yielding = springs;
+        Ok(self)
+    }
+
     /// Number of contact nodes with a tangent that is held; see [`new`](Self::new).
     #[must_use]
     pub fn num_held(&self) -> usize {

@@ -54,6 +54,8 @@ pub(super) struct BodyState {
     /// All forces on u.
     load: Vec<f64>,
     supports: SupportState,
+    /// The energy of springs at contact nodes.
+    springs: f64,
 }
 
 impl BodyState {
@@ -63,12 +65,12 @@ impl BodyState {
         let mut stiff = vec![0.0; u.len()];
         problem.operator.a.mul_vec(&u, &mut stiff);
         let load = problem.operator.load_at(parameters);
-        Ok(Self::of(
-            u,
-            stiff,
-            load,
-            problem.operator.load.support_state(parameters),
-        ))
+        let forces = &x[problem.leading()..problem.num_residuals()];
+        let springs = problem.operator.yielding.iter().zip(forces);
+        Ok(Self {
+            springs: springs.map(|(d, l)| 0.5 * d * l * l).sum(),
+            ..Self::of(u, stiff, load, problem.operator.load.support_state(parameters))
+        })
     }
 
     /// From displacements u, A u, all forces on u, and the contribution of the supports.
@@ -78,6 +80,7 @@ impl BodyState {
             stiff,
             load,
             supports,
+            springs: 0.0,
         }
     }
 
@@ -87,10 +90,10 @@ impl BodyState {
         rows.map(|(a, f)| a - f).collect()
     }
 
-    /// The elastic energy of the whole body, supports included.
+    /// The elastic energy of the whole body, supports and springs of contact nodes included.
     pub(super) fn stored(&self) -> f64 {
         let supports = 0.5 * self.supports.pairing(&self.supports) - self.supports.force_work(&self.u);
-        0.5 * dot(&self.u, &self.stiff) + supports
+        0.5 * dot(&self.u, &self.stiff) + supports + self.springs
     }
 
     /// Applied forces times displacements, and reactions times those of the supports.

@@ -250,7 +250,8 @@ pub enum ContactError {
         /// displacement that moves most in a zero-energy motion; empty where there is none.
         modes: String,
     },
-    /// No contact forces balance the load: it moves an unsupported body away from the foundation, or along it without friction.
+    /// No contact forces balance the load: it moves an unsupported body away from the foundation, or along it against less friction than
+    /// would be needed (then in a motion that lifts it, too: no contact forces do work against that).
     #[error(
         "nothing balances the load at parameter {parameter}: it does the work {work:e} in a motion that makes no forces, in which displacement \
          {displacement}{} moves most, by 1, and no contact node comes nearer to the foundation: hold the body, or change the load",

@@ -44,20 +44,26 @@ impl<L: NodeLaw> ExactPieces for PerNode<L> {
         let opposite = self.opposite()?;
         let (p, q) = (friction.len(), opposite.len());
         let site = |i: usize| {
-            let force = |k: usize| ExactForm::unknown(2 * q, q + k, Exact::default());
+            let force = |k: usize, shift: Exact| ExactForm::unknown(2 * q, q + k, shift);
             let traces = [opposite[i].clone(), opposite[p + i].clone()];
-            coulomb([force(i), force(p + i)], traces, &friction[i], [i, p + i])
+            let pressure = force(i, Exact::new(self.law.tension(i))?);
+            let traction = force(p + i, Exact::default());
+            Some(coulomb([pressure, traction], traces, &friction[i], [i, p + i]))
         };
         Some(ExactConditions {
             unknowns: 2 * q,
             common: Vec::new(),
-            sites: (0..p).map(site).collect(),
+            sites: (0..p).map(site).collect::<Option<_>>()?,
             bounds: Vec::new(),
         })
     }
 
-    /// λᵀ (v − v₀) ≥ 0: contact and friction forces dissipate energy.
+    /// λᵀ (v − v₀) ≥ 0: contact and friction forces dissipate energy, unless there is tension.
     fn passive(&self, _alpha: f64) -> Option<Vec<ExactForm>> {
+        let mut nodes = 0..self.body.num_contacts();
+        if nodes.any(|node| self.law.tension(node) != 0.0) {
+            return None;
+        }
         self.opposite()
     }
 }

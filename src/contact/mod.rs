@@ -13,6 +13,7 @@ mod displacements;
 mod error;
 mod evolution;
 mod exact;
+mod exported;
 #[cfg(feature = "json")]
 mod folder;
 mod law;
@@ -42,8 +43,9 @@ pub use evolution::{Arrival, EvolutionOptions, EvolutionProgress, EvolutionStep,
 #[cfg(feature = "json")]
 pub use folder::{DiscreteFolder, read_folder};
 pub use law::{
-    ContactState, FrictionCoefficient, FrictionCurve, Frictionless, GivenBound, LocalRow, LocalValues,
-    MAX_HISTORY, MAX_TESTS, MultiplierCoulomb, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, check_law,
+    Bonded, Cohesive, ContactState, FrictionCoefficient, FrictionCurve, Frictionless, GivenBound,
+    LimitedShear, LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, MultiplierCoulomb, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb, check_law,
 };
 pub use multipliers::{check_multipliers, inf_sup_constant};
 pub use per_node::PerNode;

@@ -151,7 +151,7 @@ impl<L: NodeLaw> PerNode<L> {
 
     /// The test functions of all nodes at r.
     fn tests_of_all(&self, z: &[f64], r: f64, out: &mut [f64]) {
-        let mut chunks = out.chunks_exact_mut(self.law.num_tests());
+        let mut chunks = out.chunks_exact_mut(self.law.num_tests().max(1));
         self.each(z, r, |_, v| {
             if let Some(chunk) = chunks.next() {
                 self.law.tests(v, chunk);
@@ -328,7 +328,7 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
             second: d.get(2 * q + 1).copied().unwrap_or(0.0),
             ..LocalRow::default()
         };
-        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
+        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests().max(1)).enumerate() {
             let own;
             let rows = match constant {
                 Some(all) => &all[i],

@@ -1,4 +1,5 @@
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
 use super::cell_points::points_of;
@@ -42,7 +43,7 @@ impl Elasticity {
     ///
     /// # Errors
     /// Groups that do not exist or are empty, components beyond the dimension, prescribed values that are not finite, no free displacement,
-    /// supports that leave rigid motions ([`FemError::Floating`] names them).
+    /// supports that leave rigid motions ([`FemError::Floating`] names them) unless that is [accepted](Elasticity::floating).
     pub fn assemble(&self) -> Result<ElasticSystem, FemError> {
         let system = self.discretize()?;
         system.stiffness.get_or_init(|| system.single_entries());
@@ -59,7 +60,7 @@ impl Elasticity {
     }
 
     fn has_mean_dilatation(&self, material: &Material) -> bool {
-        let compressed = self.mesh.dim() == 3 || self.plane == PlaneModel::Strain;
+        let compressed = self.mesh.dim() == 3 || self.plane != PlaneModel::Stress;
         match self.dilatation {
             Dilatation::Automatic => compressed && material.locks(),
             Dilatation::Mean => compressed,
@@ -112,8 +113,12 @@ impl ElasticSystem {
                 }
             }
         }
-        if !mesh.is_part() {
-            check_supports(mesh, &fixed)?;
+        let revolved = dim == 2 && body.plane == PlaneModel::Axisymmetric;
+        if revolved {
+            fix_axis(mesh, &mut fixed, &prescribed)?;
+        }
+        if !mesh.is_part() && !body.floats {
+            check_supports(mesh, &fixed, revolved)?;
         }
         let mut free = 0;
         let dofs: Vec<usize> = fixed
@@ -140,6 +145,13 @@ impl ElasticSystem {
             .chain(body.by_group.iter().map(|g| &g.1))
             .cloned()
             .collect();
+        if let (true, Some(value)) = (revolved, all.iter().find_map(Material::twisting)) {
+            return Err(FemError::Material {
+                what: "a constant between strains in the plane and out of it",
+                value,
+                rule: "it must be 0 in a body of revolution, which would twist: model it in space",
+            });
+        }
         let mut system = Self {
             mesh: Arc::clone(mesh),
             free,
@@ -241,7 +253,7 @@ impl ElasticSystem {
 
     fn locks(&self, cell: usize) -> bool {
         let (kind, material) = (self.mesh.kind(cell), self.material_of[cell]);
-        let compressed = self.mesh.dim() == 3 || self.plane == PlaneModel::Strain;
+        let compressed = self.mesh.dim() == 3 || self.plane != PlaneModel::Stress;
         let stiff = kind.is_simplex() || kind.is_box() && !self.mean_dilatation[material];
         compressed && stiff && self.materials[material].locks()
     }
@@ -300,12 +312,19 @@ impl ElasticSystem {
             return Err(FemError::Component { component, dim });
         }
         let mut moved = vec![0.0; self.dofs.len()];
+        let axis = (self.is_revolved() && component == 0).then(|| axis(&self.mesh));
         for &node in self.mesh.facet_group(facets)?.iter().flatten() {
             let (at, k) = (self.mesh.points()[node], dim * node + component);
             if self.dofs[k] != PRESCRIBED {
                 return Err(FemError::NotPrescribed { node, at, component });
             }
             moved[k] = value(at);
+            if axis.is_some_and(|axis| at[0] <= axis) && moved[k] != 0.0 {
+                return Err(FemError::OnAxis {
+                    node,
+                    value: moved[k],
+                });
+            }
             if !moved[k].is_finite() {
                 return Err(FemError::NotFinite {
                     what: "the motion of the support",
@@ -317,7 +336,8 @@ impl ElasticSystem {
         self.case_of(moved)
     }
 
-    /// Nodal forces of a volume force (force per volume, or per area of the plane; third component ignored in the plane).
+    /// Nodal forces of a volume force (force per volume, or per area of the plane; third component ignored in the plane). In a body of
+    /// revolution forces on nodes are those on the whole rings.
     ///
     /// # Errors
     /// Values that are not finite.
@@ -329,6 +349,7 @@ impl ElasticSystem {
             for (x, weight) in kind.quadrature() {
                 let (shape, _, det) = map_cell(kind, &corners[..kind.num_nodes()], x);
                 let at = interpolate(&corners, &shape[..kind.num_nodes()]);
+                let weight = weight * self.round(at);
                 let f = self.checked("the volume force", at, force(at))?;
                 for (&node, s) in self.mesh.cell(cell).iter().zip(&shape) {
                     self.add(&mut load, node, weight * det * s, f);
@@ -338,7 +359,8 @@ impl ElasticSystem {
         Ok(load)
     }
 
-    /// Nodal forces of a surface traction (force per area, or per length in the plane) on a group of facets.
+    /// Nodal forces of a surface traction (force per area, or per length in the plane) on a group of facets; of the whole rings in a body
+    /// of revolution.
     ///
     /// # Errors
     /// Groups that do not exist or are empty, values that are not finite.
@@ -351,6 +373,7 @@ impl ElasticSystem {
         for nodes in self.mesh.facet_group(facets)? {
             let mut failure = None;
             integrate(&self.mesh, nodes, |at, shape, measure| {
+                let measure = measure * self.round(at);
                 match self.checked("the surface traction", at, traction(at)) {
                     Ok(t) => {
                         for (&node, s) in nodes.iter().zip(shape) {
@@ -365,6 +388,16 @@ impl ElasticSystem {
             }
         }
         Ok(load)
+    }
+
+    /// Whether the body is one of revolution about x = 0.
+    pub(super) fn is_revolved(&self) -> bool {
+        self.mesh.dim() == 2 && self.plane == PlaneModel::Axisymmetric
+    }
+
+    /// The length of the ring through a point of a body of revolution, by which measures in the plane are multiplied; elsewhere 1.
+    pub(super) fn round(&self, at: [f64; 3]) -> f64 {
+        if self.is_revolved() { TAU * at[0] } else { 1.0 }
     }
 
     /// The value of a prescribed component, 0 at free ones.
@@ -419,7 +452,8 @@ impl ElasticSystem {
         Ok(forces)
     }
 
-    /// Stresses (11, 22, 33, 12, 23, 13) at the centre of each cell, from the displacements.
+    /// Stresses (11, 22, 33, 12, 23, 13) at the centre of each cell, from the displacements; in a body of revolution 11 is along the radius,
+    /// 22 along the axis, 33 around it.
     ///
     /// # Errors
     /// As [`displacements`](Self::displacements).
@@ -430,7 +464,7 @@ impl ElasticSystem {
             let kind = self.mesh.kind(cell);
             let nodes = self.mesh.cell(cell);
             let corners = self.mesh.corners(cell);
-            let (_, gradient, _) = map_cell(kind, &corners[..nodes.len()], kind.centre());
+            let (shape, gradient, _) = map_cell(kind, &corners[..nodes.len()], kind.centre());
             // h[d][e] = ∂u_d/∂x_e
             let mut h = [[0.0; 3]; 3];
             for (&node, g) in nodes.iter().zip(&gradient) {
@@ -440,13 +474,19 @@ impl ElasticSystem {
                     }
                 }
             }
+            if self.is_revolved() {
+                let radius = interpolate(&corners, &shape)[0];
+                let along = nodes.iter().zip(&shape).map(|(n, s)| s * u[dim * n]);
+                h[2][2] = along.sum::<f64>() / radius;
+            }
             let mut strain = VOIGT.map(|[i, j]| if i == j { h[i][i] } else { h[i][j] + h[j][i] });
             if self.mean_dilatation[self.material_of[cell]] && kind.is_box() {
                 let (mut dilatation, mut volume) = (0.0, 0.0);
-                for point in points_of(kind, &corners, false) {
+                for point in points_of(kind, &corners, false, self.is_revolved()) {
                     volume += point.volume;
-                    for (&node, g) in nodes.iter().zip(&point.gradient) {
-                        dilatation += point.volume * (0..dim).map(|d| u[dim * node + d] * g[d]).sum::<f64>();
+                    for (a, &node) in nodes.iter().enumerate() {
+                        let own = (0..dim).map(|d| u[dim * node + d] * point.dilatation(a, d));
+                        dilatation += point.volume * own.sum::<f64>();
                     }
                 }
                 let change = dilatation / volume - (h[0][0] + h[1][1] + h[2][2]);
@@ -483,6 +523,35 @@ impl ElasticSystem {
             None => Ok(value),
         }
     }
+}
+
+/// Distance from the axis, relative to the largest radius, up to which nodes are taken to be on it: far above rounding of coordinates, far
+/// below the size of a cell.
+const ON_AXIS: f64 = 1e-9;
+
+/// Radius up to which nodes are on the axis.
+fn axis(mesh: &Mesh) -> f64 {
+    ON_AXIS * mesh.points().iter().map(|p| p[0].abs()).fold(0.0, f64::max)
+}
+
+/// Fixes the radial displacement of the nodes on the axis of a body of revolution.
+fn fix_axis(mesh: &Mesh, fixed: &mut [bool], prescribed: &[f64]) -> Result<(), FemError> {
+    let axis = axis(mesh);
+    for (node, at) in mesh.points().iter().enumerate() {
+        if at[0] < -axis {
+            return Err(FemError::Radius { node, at: *at });
+        }
+        if at[0] <= axis {
+            if prescribed[2 * node] != 0.0 {
+                return Err(FemError::OnAxis {
+                    node,
+                    value: prescribed[2 * node],
+                });
+            }
+            fixed[2 * node] = true;
+        }
+    }
+    Ok(())
 }
 
 fn interpolate(corners: &[[f64; 3]], shape: &[f64]) -> [f64; 3] {

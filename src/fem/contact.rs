@@ -107,7 +107,7 @@ pub struct ContactRows {
     /// Tangents that are held, as on a plane of symmetry: the displacement along them is prescribed as 0, their row is 0, and so is the
     /// multiplier. Solutions are then those with that symmetry; others of the whole body are not among them.
     pub held: Vec<[bool; 2]>,
-    /// Lumped length or area: nodal force / area is the mean traction.
+    /// Lumped length or area, of the whole ring in a body of revolution: nodal force / area is the mean traction.
     pub areas: Vec<f64>,
     /// Bν, p × n.
     pub normal: Matrix,
@@ -297,9 +297,9 @@ impl ElasticSystem {
         let mut area = vec![0.0; mesh.num_nodes()];
         let mut normal = vec![[0.0; 3]; mesh.num_nodes()];
         for facet in group {
-            integrate(mesh, facet, |_, shape, measure| {
+            integrate(mesh, facet, |at, shape, measure| {
                 for (&node, s) in facet.iter().zip(shape) {
-                    area[node] += s * measure;
+                    area[node] += s * measure * self.round(at);
                 }
             });
             let vector = mesh.area_vector(facet);

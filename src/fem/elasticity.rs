@@ -84,6 +84,7 @@ pub struct Elasticity {
     pub(super) plane: PlaneModel,
     pub(super) dilatation: Dilatation,
     pub(super) supports: Vec<Support>,
+    pub(super) floats: bool,
 }
 
 impl Elasticity {
@@ -97,10 +98,37 @@ impl Elasticity {
             plane: PlaneModel::default(),
             dilatation: Dilatation::default(),
             supports: Vec::new(),
+            floats: false,
         }
     }
 
-    /// Sets plane strain or plane stress; without effect in space.
+    /// Accepts supports that leave rigid motions, of bodies that contact and friction alone hold. Their stiffness matrix is singular: the
+    /// full form ([`FullContact`](crate::contact::FullContact)) solves them, and says with a certificate where nothing balances the load
+    /// ([`ContactError::Unbalanced`](crate::contact::ContactError::Unbalanced)).
+    ///
+    /// ```
+    /// use semismooth::contact::{ContactBody, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
+    /// use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
+    /// // A block on a table, pulled by α times its weight.
+    /// let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2])?;
+    /// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3)?).floating().assemble()?;
+    /// let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
+    /// let load = LoadPath::affine(system.body_force(|_| [0.0, -0.01, 0.0])?, system.body_force(|_| [0.01, 0.0, 0.0])?);
+    /// let body = ContactBody::new(system.stiffness().clone(), rows.normal, vec![rows.tangential], load)?;
+    /// let problem = FullContact::new(body, PlanarCoulomb::new(FrictionCoefficient::constant(0.5)?))?;
+    /// let x = problem.solve(0.4, None)?;
+    /// let [normal, tangential, _] = problem.solution(&x)?.resultant();
+    /// assert!((normal - 0.02).abs() < 1e-10 && (tangential - 0.008).abs() < 1e-10);
+    /// assert!(problem.solve(0.6, None).unwrap_err().to_string().contains("nothing balances the load"));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn floating(mut self) -> Self {
+        self.floats = true;
+        self
+    }
+
+    /// Sets plane strain, plane stress or a body of revolution; without effect in space.
     #[must_use]
     pub fn with_plane_model(mut self, plane: PlaneModel) -> Self {
         self.plane = plane;

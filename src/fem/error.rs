@@ -87,6 +87,26 @@ pub enum FemError {
         /// Its position.
         point: [f64; 3],
     },
+    /// A node of a body of revolution has a negative radius.
+    #[error(
+        "node {node} lies at {at:?}: in a body of revolution about x = 0, x is the radius and must not be negative"
+    )]
+    Radius {
+        /// The node.
+        node: usize,
+        /// Its position.
+        at: [f64; 3],
+    },
+    /// A radial displacement is prescribed on the axis of a body of revolution.
+    #[error(
+        "the radial displacement of node {node}, on the axis of revolution, is prescribed as {value}; it can only be 0"
+    )]
+    OnAxis {
+        /// The node.
+        node: usize,
+        /// The value.
+        value: f64,
+    },
     /// The Jacobian of a cell is not positive.
     #[error(
         "cell {cell} (nodes {nodes:?}) has Jacobian determinant {determinant:e} at one of its corners: it is turned inside out, folded or flat; \

@@ -14,20 +14,28 @@ pub enum PlaneModel {
     Strain,
     /// σ₁₃ = σ₂₃ = σ₃₃ = 0: a thin plate of unit thickness.
     Stress,
+    /// A body of revolution about the line x = 0, without torsion: x ≥ 0 is the radius, y the height, the third direction that of the
+    /// circumference, with ε₃₃ = u₁/x. Forces, areas and energies are those of the whole rings; u₁ = 0 at nodes on the axis.
+    Axisymmetric,
 }
 
 impl PlaneModel {
-    /// "strain" or "stress".
+    /// "strain", "stress" or "axisymmetric".
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Strain => "strain",
             Self::Stress => "stress",
+            Self::Axisymmetric => "axisymmetric",
         }
     }
 }
 
-named!(PlaneModel, "model of a plane body", [Self::Strain, Self::Stress]);
+named!(
+    PlaneModel,
+    "model of a plane body",
+    [Self::Strain, Self::Stress, Self::Axisymmetric]
+);
 
 /// Poisson's ratio above which elements of first order lock noticeably: at 0.49 a bonded block on a mesh of 8 cells is 7 % too stiff with
 /// quadrilaterals and 13 % with triangles, at 0.3 it is 0.3 %.
@@ -211,6 +219,12 @@ impl Material {
                 std::array::from_fn(|k| std::array::from_fn(|l| self.matrix[place(i, j)][place(k, l)]))
             })
         })
+    }
+
+    /// A constant c_ijkl that makes a ring twist under strains in its plane of revolution: none may differ from 0 where u₃ = 0 is assumed.
+    pub(super) fn twisting(&self) -> Option<f64> {
+        let mixed = self.matrix[..4].iter().flat_map(|row| &row[4..]);
+        mixed.copied().find(|c| *c != 0.0)
     }
 
     /// Stress from strain in space.

@@ -3,8 +3,9 @@
 //! A [`Mesh`] of triangles, quadrilaterals, tetrahedra or hexahedra comes from a generator ([`Mesh::rectangle`], [`Mesh::block`]), a file
 //! ([`read_gmsh`], [`read_getfem`]) or your own arrays; [`Elasticity`] holds materials and supports and assembles an [`ElasticSystem`]: the
 //! stiffness matrix of the free displacements, loads, and [`ContactRows`], the normal and tangential traces of the nodes that may touch a
-//! rigid foundation or [each other](ElasticSystem::contact_between). [`PlasticBody`] is a body of [`VonMises`] material under a history of loads. Units are the caller's: metres and GPa
-//! give nodal forces in GN (per metre of depth in the plane).
+//! rigid foundation or [each other](ElasticSystem::contact_between). [`PlasticBody`] is a body of [`VonMises`] material under a history of
+//! loads. Units are the caller's: metres and GPa give nodal forces in GN (per metre of depth in the plane, of whole rings in bodies
+//! [of revolution](PlaneModel::Axisymmetric)).
 
 mod assembly;
 mod cell_points;

@@ -129,7 +129,8 @@ impl ElasticSystem {
         let mut active = vec![false; mesh.num_nodes()];
         let free = |node: usize| !shared[node] && (0..mesh.dim()).any(|d| self.dof(node, d).is_some());
         for side in &own {
-            let met = meetings(side, &other, reach)?;
+            let mut met = meetings(side, &other, reach)?;
+            met.0.iter_mut().for_each(|(_, m)| m.weight *= self.round(m.at));
             let covered = side.nodes.iter().zip(met.1).filter(|c| c.1);
             covered.for_each(|(&node, _)| active[node] = free(node));
             opposite.push(met);
@@ -184,6 +185,7 @@ impl ElasticSystem {
             let active: Vec<usize> = (0..side.num_corners()).filter(free).collect();
             let mut failure = None;
             integrate(mesh, facet, |at, shape, measure| {
+                let measure = measure * self.round(at);
                 let values = std::array::from_fn(|k| shape.get(k).copied().unwrap_or(0.0));
                 let (psi, gap) = (extended(&side.hats(&values), &active), foundation.gap_at(at));
                 if !gap.is_finite() {

@@ -151,6 +151,7 @@ impl ElasticSystem {
                         value: gap,
                     });
                 }
+                let measure = measure * self.round(at);
                 let patch = patches.entry(label).or_default();
                 patch.area += measure;
                 patch.gap += measure * gap;

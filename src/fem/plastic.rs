@@ -71,7 +71,7 @@ impl PlasticBody {
     /// The virgin body, without load, its supports as prescribed.
     ///
     /// # Errors
-    /// As [`Elasticity::assemble`]; materials other than [`VonMises::elastic`]; plane stress.
+    /// As [`Elasticity::assemble`]; materials other than [`VonMises::elastic`]; plane stress and bodies of revolution.
     pub fn new(body: &Elasticity, law: VonMises) -> Result<Self, FemError> {
         let system = body.discretize()?;
         if system.materials.iter().any(|m| m != law.elastic()) {
@@ -80,16 +80,16 @@ impl PlasticBody {
             });
         }
         let mesh = system.mesh();
-        if mesh.dim() == 2 && system.plane == PlaneModel::Stress {
+        if mesh.dim() == 2 && system.plane != PlaneModel::Strain {
             return Err(FemError::PlasticBody {
-                what: "plane stress is not supported, plane strain is",
+                what: "neither plane stress nor bodies of revolution are supported, plane strain is",
             });
         }
         let mut points = Vec::new();
         let mut first = vec![0];
         for cell in 0..mesh.num_cells() {
             let kind = mesh.kind(cell);
-            points.extend(points_of(kind, &mesh.corners(cell), kind.is_box()));
+            points.extend(points_of(kind, &mesh.corners(cell), kind.is_box(), false));
             first.push(points.len());
         }
         Ok(Self {

@@ -3,8 +3,9 @@
 use super::{FemError, Mesh};
 use crate::sparse::{Place, Resistance, pieces};
 
-/// Checks that the supports leave no rigid motion of any connected part of the body free.
-pub(super) fn check_supports(mesh: &Mesh, fixed: &[bool]) -> Result<(), FemError> {
+/// Checks that the supports leave no rigid motion of any connected part of the body free; a body of revolution resists all but that along
+/// its axis.
+pub(super) fn check_supports(mesh: &Mesh, fixed: &[bool], revolved: bool) -> Result<(), FemError> {
     let dim = mesh.dim();
     let part = pieces(mesh.num_nodes(), |connect| {
         (0..mesh.num_cells()).for_each(|cell| connect(&mut mesh.cell(cell).iter().copied()));
@@ -18,7 +19,10 @@ pub(super) fn check_supports(mesh: &Mesh, fixed: &[bool]) -> Result<(), FemError
         }
     }
     for (own, held) in held.iter().enumerate() {
-        let free = held.free(dim);
+        let free = match revolved {
+            true => held.free_among(&[1]),
+            false => held.free(dim),
+        };
         if free.is_empty() {
             continue;
         }

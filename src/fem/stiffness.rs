@@ -1,6 +1,6 @@
 //! Stiffness of cells.
 
-use super::cell_points::points_of;
+use super::cell_points::{Point, points_of};
 use super::element::{CellKind, MAX_NODES, map_cell};
 use super::material::VOIGT;
 use super::{ElasticSystem, Material, PlaneModel};
@@ -49,6 +49,14 @@ impl<'a> Elements<'a> {
     pub(super) fn of(&mut self, cell: usize) -> &ElementMatrix {
         let (mesh, material) = (&self.system.mesh, self.system.material_of[cell]);
         let (kind, mut corners) = (mesh.kind(cell), mesh.corners(cell));
+        let mean = self.system.mean_dilatation[material] && kind.is_box();
+        let solid = self.system.materials[material].solid();
+        if self.system.is_revolved() {
+            // Shapes recur, but not at the same radius.
+            self.other
+                .compute_at(kind, &points_of(kind, &corners, mean, true), &solid);
+            return &self.other;
+        }
         let origin = corners[0];
         for corner in &mut corners[..kind.num_nodes()] {
             (0..3).for_each(|d| corner[d] -= origin[d]);
@@ -58,10 +66,8 @@ impl<'a> Elements<'a> {
             self.other.compute(kind, &corners, tensor);
             return &self.other;
         }
-        let mean = self.system.mean_dilatation[material];
-        let solid = self.system.materials[material].solid();
         let compute = |element: &mut ElementMatrix| match mean {
-            true => element.compute_mean(kind, &corners, &solid),
+            true => element.compute_at(kind, &points_of(kind, &corners, true, false), &solid),
             false => element.compute(kind, &corners, tensor),
         };
         let shape = Shape {
@@ -119,11 +125,12 @@ impl ElementMatrix {
         self.values.resize(order * order, 0.0);
     }
 
-    /// With the mean dilatation: plane bodies are in plane strain, with ε₃₃ as the mean makes it.
-    fn compute_mean(&mut self, kind: CellKind, corners: &[[f64; 3]; MAX_NODES], solid: &[[f64; 6]; 6]) {
+    /// With all six strains: those of bodies of revolution, and of the mean dilatation, where plane bodies are in plane strain with ε₃₃
+    /// as the mean makes it.
+    fn compute_at(&mut self, kind: CellKind, points: &[Point], solid: &[[f64; 6]; 6]) {
         let dim = kind.dim();
         self.clear(dim * kind.num_nodes());
-        for point in points_of(kind, corners, true) {
+        for point in points {
             for col in 0..self.order {
                 let strain = point.column(col / dim, col % dim);
                 let stress = solid.map(|row| point.volume * (0..6).map(|s| row[s] * strain[s]).sum::<f64>());

@@ -122,7 +122,7 @@ pub fn parse_vector(text: &str) -> Result<Vec<f64>, SparseError> {
     parse_numbers(text, Path::new(NO_FILE))
 }
 
-fn read(path: &Path) -> Result<String, SparseError> {
+pub(super) fn read(path: &Path) -> Result<String, SparseError> {
     fs::read_to_string(path).map_err(|e| io_error(path, e))
 }
 
@@ -145,7 +145,7 @@ fn parse_numbers(text: &str, path: &Path) -> Result<Vec<f64>, SparseError> {
     Ok(numbers)
 }
 
-fn parse_error(path: &Path, line: usize, what: String) -> SparseError {
+pub(super) fn parse_error(path: &Path, line: usize, what: String) -> SparseError {
     SparseError::Parse {
         path: path.to_owned(),
         line,
@@ -154,7 +154,7 @@ fn parse_error(path: &Path, line: usize, what: String) -> SparseError {
     }
 }
 
-fn number(word: &str) -> Result<f64, String> {
+pub(super) fn number(word: &str) -> Result<f64, String> {
     match word.parse::<f64>() {
         Ok(v) if v.is_finite() => Ok(v),
         Ok(_) => Err(format!("`{}` is not a finite number", shorten(word))),

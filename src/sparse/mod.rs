@@ -12,6 +12,7 @@ mod matrix_market;
 mod nodal;
 mod pattern;
 mod rigid;
+mod substructure;
 mod vector;
 
 pub(crate) use blocks::{Blocks, ROWS, add_product, subtract_transposed};
@@ -28,4 +29,5 @@ pub use nodal::NodalMatrix;
 pub(crate) use nodal::{NodalBlocks, check_nodes};
 pub use pattern::{Pattern, PatternRef};
 pub(crate) use rigid::{Place, Resistance, pieces};
+pub use substructure::{Substructure, parse_substructure, read_substructure};
 pub(crate) use vector::{distance, dot, max_abs, max_abs_scaled, norm, sum_abs};

@@ -69,7 +69,11 @@ impl Resistance {
 
     /// The motions without resistance, beyond those named before them.
     pub(crate) fn free(&self, dim: usize) -> Vec<&'static str> {
-        let wanted: &[usize] = if dim == 2 { &[0, 1, 5] } else { &[0, 1, 2, 3, 4, 5] };
+        self.free_among(if dim == 2 { &[0, 1, 5] } else { &[0, 1, 2, 3, 4, 5] })
+    }
+
+    /// The same among some of the motions.
+    pub(crate) fn free_among(&self, wanted: &[usize]) -> Vec<&'static str> {
         let mut g = self.0;
         let scale = wanted.iter().map(|&i| g[i][i]).fold(0.0, f64::max);
         let mut free = Vec::new();

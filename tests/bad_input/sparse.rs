@@ -1,8 +1,8 @@
 use std::path::Path;
 
 use semismooth::sparse::{
-    Matrix, NodalMatrix, Pattern, parse_matrix_market, parse_vector, read_matrix_market, read_vector,
-    write_matrix_market,
+    Matrix, NodalMatrix, Pattern, parse_matrix_market, parse_substructure, parse_vector, read_matrix_market,
+    read_substructure, read_vector, write_matrix_market,
 };
 
 use super::table::{BAD, Table, rows};
@@ -235,7 +235,11 @@ fn sparse_matrices() {
     ] {
         t.refuses("sparse::parse_vector", input, "line 2", || parse_vector(text));
     }
+    substructures(&mut t);
     let missing = Path::new("no/such/file");
+    t.refuses("sparse::read_substructure", "no file", "no/such/file", || {
+        read_substructure(missing)
+    });
     t.refuses("sparse::read_matrix_market", "no file", "no/such/file", || {
         read_matrix_market(missing)
     });
@@ -246,4 +250,61 @@ fn sparse_matrices() {
         write_matrix_market(missing, &a())
     });
     t.finish();
+}
+
+fn substructures(t: &mut Table) {
+    let file = |element: &str, labels: &str, lines: &str, entries: &str| {
+        format!("**\n{element}\n** ELEMENT NODES\n** {labels}\n{lines}\n*MATRIX, TYPE=STIFFNESS\n{entries}\n")
+    };
+    let element = "*USER ELEMENT, NODES=2, LINEAR";
+    let whole = "4.,\n1., 3.\n.5, .25, 2.";
+    assert!(parse_substructure(&file(element, "7, 9", "1, 2\n2, 1", whole)).is_ok());
+    for (input, text, word) in [
+        ("nothing", String::new(), "USER ELEMENT"),
+        (
+            "no number of nodes",
+            file("*USER ELEMENT, LINEAR", "7, 9", "1", whole),
+            "number of nodes",
+        ),
+        (
+            "a label too few",
+            file(element, "7", "1, 2\n2, 1", whole),
+            "1 labels",
+        ),
+        (
+            "a component 7",
+            file(element, "7, 9", "1, 7", whole),
+            "component 7",
+        ),
+        (
+            "a node beyond the last",
+            file(element, "7, 9", "1, 2\n3, 1", whole),
+            "node 3",
+        ),
+        (
+            "nodes out of order",
+            file(element, "7, 9", "1, 2\n1, 1", whole),
+            "node 1",
+        ),
+        ("a word", file(element, "7, 9", "1, x", whole), "line 5"),
+        (
+            "an entry too few",
+            file(element, "7, 9", "1, 2\n2, 1", "4., 1., 3., .5, .25"),
+            "5 entries",
+        ),
+        (
+            "NaN",
+            file(element, "7, 9", "1, 2\n2, 1", "4., 1., 3., nan, .25, 2."),
+            "finite",
+        ),
+        (
+            "no stiffness",
+            file(element, "7, 9", "1", "").replace("STIFFNESS", "MASS"),
+            "no *MATRIX",
+        ),
+    ] {
+        t.refuses("sparse::parse_substructure", input, word, || {
+            parse_substructure(&text)
+        });
+    }
 }

@@ -3,9 +3,9 @@
 use crate::maps::same_mechanics;
 use proptest::prelude::*;
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactState, FrictionCoefficient, FrictionCurve, Frictionless,
-    FullContact, GivenBound, LoadPath, LocalRow, LocalValues, MAX_TESTS, NodeLaw, OrthotropicCoulomb,
-    PlanarCoulomb,
+    Bonded, Cohesive, CondensedContact, ContactBody, ContactState, FrictionCoefficient, FrictionCurve,
+    Frictionless, FullContact, GivenBound, LimitedShear, LoadPath, LocalRow, LocalValues, MAX_TESTS, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb,
 };
 use semismooth::sparse::Matrix;
 use serde_json::Value;
@@ -142,10 +142,16 @@ proptest! {
         check_rows(&OrthotropicCoulomb::new(scaled.clone(), FrictionCoefficient::uniform(hardening)), &v);
         check_rows(&GivenBound::new(2, vec![0.7], vec![[0.4, 0.9]]).unwrap(), &v);
         check_rows(&Frictionless::space(), &v);
+        check_rows(&LimitedShear::new(2, vec![0.4], vec![0.9]).unwrap(), &v);
+        check_rows(&Cohesive::new(OrthotropicCoulomb::new(scaled.clone(), scaled.times(0.6)), vec![0.5]).unwrap(), &v);
+        check_rows(&Bonded::space(), &v);
         let mut plane = v;
         plane.slip[1] = 0.0;
         plane.traction[1] = 0.0;
+        check_rows(&Cohesive::new(PlanarCoulomb::new(scaled.clone()), vec![0.5]).unwrap(), &plane);
         check_rows(&PlanarCoulomb::new(scaled), &plane);
+        check_rows(&LimitedShear::new(1, vec![0.4], vec![0.9]).unwrap(), &plane);
+        check_rows(&Bonded::plane(), &plane);
         check_rows(&Frictionless::plane(), &plane);
     }
 

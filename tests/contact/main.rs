@@ -14,13 +14,16 @@ mod support;
 
 mod bars;
 mod evolution;
+mod exported;
 mod fem_families;
+mod floating;
 mod folders;
 mod friction_laws;
 mod friction_properties;
 mod hild_renard;
 mod history;
 mod interface;
+mod interface_laws;
 mod multiplier_spaces;
 mod robustness;
 mod routes;

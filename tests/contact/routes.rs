@@ -2,9 +2,9 @@
 
 use proptest::prelude::*;
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactError, ContactSolution, DelassusSolver, FixedPointOptions,
-    FrictionCoefficient, FrictionCurve, Frictionless, FullContact, GivenBound, LoadPath, NodeLaw,
-    OrthotropicCoulomb, PlanarCoulomb, fixed_point,
+    Bonded, Cohesive, CondensedContact, ContactBody, ContactError, ContactSolution, DelassusSolver,
+    FixedPointOptions, FrictionCoefficient, FrictionCurve, Frictionless, FullContact, GivenBound,
+    LimitedShear, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, fixed_point,
 };
 use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh};
 use semismooth::newton::Newton;
@@ -240,6 +240,19 @@ proptest! {
             let p = rows.nodes.len();
             let bounds = (0..p).map(|i| 1e-2 * forces[i % forces.len()].abs()).collect();
             both(&body, &GivenBound::new(dim - 1, bounds, vec![[f, 0.7 * f]; p]).unwrap(), true);
+            both(&body, &LimitedShear::new(dim - 1, vec![f; p], vec![1e-3 * f; p]).unwrap(), true);
+            let tension: Vec<f64> = (0..p).map(|i| 2e-3 * (1.0 + forces[i % forces.len()])).collect();
+            let soft = body.clone().with_compliance(&vec![2.0; p], &vec![5.0; p]).unwrap();
+            if dim == 2 {
+                both(&body, &Cohesive::new(PlanarCoulomb::new(constant(f)), tension).unwrap(), true);
+                both(&soft, &PlanarCoulomb::new(constant(f)), true);
+                both(&body, &Bonded::plane(), true);
+                both(&soft, &Bonded::plane(), true);
+            } else {
+                both(&body, &Cohesive::new(OrthotropicCoulomb::isotropic(constant(f)), tension).unwrap(), true);
+                both(&soft, &OrthotropicCoulomb::new(constant(f), constant(0.8 * f)), true);
+                both(&soft, &Bonded::space(), true);
+            }
             if dim == 2 {
                 both(&body, &PlanarCoulomb::new(weakening.clone()), false);
             } else {

@@ -1,5 +1,6 @@
 //! Finite elements: patch tests, observed orders, rigid motions, refinement, bad input, plasticity.
 
+mod axisymmetric;
 mod dilatation;
 mod integrals;
 mod plastic;

@@ -1,6 +1,7 @@
 //! The commands as users start them: run files, results, exit codes.
 
 mod large;
+mod matrices;
 mod problems;
 
 use std::ops::ControlFlow;
@@ -233,7 +234,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "levels = [0.0, 0.25",
             "levels = [nan, 0.25",
-            &["line 49", "run.levels", "NaN is not finite"],
+            &["line 56", "run.levels", "NaN is not finite"],
         ),
         (
             "value = [0.0, -0.02]",
@@ -289,7 +290,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "levels = ",
             "# levels = ",
-            &["line 49", "run", "one of levels and follow"],
+            &["line 56", "run", "one of levels and follow"],
         ),
         ("[[support]]", "[[tension]]", &["tension"]),
         (
@@ -307,7 +308,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
             "components = [\"y\"]",
             &["support.value"],
         ),
-        ("[run]", "[run", &["line 49"]),
+        ("[run]", "[run", &["line 56"]),
     ];
     for (from, to, expected) in cases {
         run_file(&folder, &[(from, to)]);

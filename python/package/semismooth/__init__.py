@@ -13,9 +13,11 @@ exact, and the pieces on both sides of every kink are known. Matrices may be tho
 
 from ._core import (
     Body,
+    Bonded,
     Branch,
     BranchPoint,
     CharacterChange,
+    Cohesion,
     Condition,
     ConeResult,
     ContactProblem,
@@ -33,6 +35,7 @@ from ._core import (
     GivenBound,
     Lcp,
     LemkeResult,
+    LimitedShear,
     Load,
     Map,
     Material,
@@ -63,13 +66,16 @@ from ._core import (
 )
 from ._fclib import FrictionProblem, read_fclib
 from ._functions import clip, maximum, minimum, where
+from ._matrices import Substructure, read_op4, read_substructure
 from ._saving import load, save
 
 __all__ = [
     "Body",
+    "Bonded",
     "Branch",
     "BranchPoint",
     "CharacterChange",
+    "Cohesion",
     "Condition",
     "ConeResult",
     "ContactProblem",
@@ -88,6 +94,7 @@ __all__ = [
     "GivenBound",
     "Lcp",
     "LemkeResult",
+    "LimitedShear",
     "Load",
     "Map",
     "Material",
@@ -97,6 +104,7 @@ __all__ = [
     "SemismoothError",
     "Solution",
     "SolutionSet",
+    "Substructure",
     "Transition",
     "TransitionCurve",
     "Vertex",
@@ -111,6 +119,8 @@ __all__ = [
     "maximum",
     "minimum",
     "read_fclib",
+    "read_op4",
+    "read_substructure",
     "save",
     "solve",
     "solve_cone",

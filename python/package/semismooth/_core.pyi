@@ -801,8 +801,9 @@ class Body:
         *,
         supports: dict[str, _Number | Sequence[_Number | None] | _Vector],
         materials: dict[str, Material] | None = None,
-        plane: Literal["strain", "stress"] = "strain",
+        plane: Literal["strain", "stress", "axisymmetric"] = "strain",
         dilatation: Literal["automatic", "pointwise", "mean"] = "automatic",
+        floating: bool = False,
     ) -> Body: ...
     @property
     def notes(self) -> list[str]: ...
@@ -845,6 +846,20 @@ class Friction:
 class GivenBound:
     def __new__(cls, bound: ArrayLike) -> GivenBound: ...
 
+@final
+class LimitedShear:
+    def __new__(cls, friction: ArrayLike, limit: ArrayLike) -> LimitedShear: ...
+
+@final
+class Cohesion:
+    def __new__(
+        cls, friction: _Coefficient | tuple[_Coefficient, _Coefficient] | LimitedShear | None, tension: ArrayLike
+    ) -> Cohesion: ...
+
+@final
+class Bonded:
+    def __new__(cls) -> Bonded: ...
+
 class _ContactOptions(TypedDict, total=False):
     newton: dict[str, Any]
     max_increments: int
@@ -864,6 +879,8 @@ class _ContactOptions(TypedDict, total=False):
     max_memory: int | None
 
 _Coefficient: TypeAlias = ArrayLike | Friction
+_Law: TypeAlias = _Coefficient | tuple[_Coefficient, _Coefficient] | GivenBound | LimitedShear | Cohesion | Bonded | None
+_Stiffness: TypeAlias = tuple[ArrayLike | None, ArrayLike | None]
 
 @final
 class ContactProblem:
@@ -872,17 +889,34 @@ class ContactProblem:
         body: Body,
         facets: str,
         foundation: Foundation | str | Mortar,
-        friction: _Coefficient | tuple[_Coefficient, _Coefficient] | GivenBound | None,
+        friction: _Law,
         *,
         load: Load | None = None,
         rate: Load | None = None,
         paths: Sequence[tuple[Load, Callable[[Any], Any] | Map]] | None = None,
         form: Literal["condensed", "full", "reduced", "auto"] = "condensed",
         multipliers: Literal["nodal", "dual cells"] | float | None = None,
+        stiffness: _Stiffness | None = None,
     ) -> ContactProblem: ...
-    def with_second_parameter(self, load: Load) -> ContactProblem: ...
+    @staticmethod
+    def from_matrices(
+        stiffness: _Matrix,
+        normal: _Matrix,
+        tangential: Sequence[_Matrix],
+        friction: _Law,
+        *,
+        load: ArrayLike | None = None,
+        rate: ArrayLike | None = None,
+        gap: ArrayLike | None = None,
+        points: ArrayLike | None = None,
+        form: Literal["condensed", "full"] = "condensed",
+        springs: _Stiffness | None = None,
+    ) -> ContactProblem: ...
+    def with_second_parameter(self, load: Load | ArrayLike) -> ContactProblem: ...
     @property
-    def body(self) -> Body: ...
+    def body(self) -> Body | None: ...
+    @property
+    def notes(self) -> list[str]: ...
     @property
     def num_contacts(self) -> int: ...
     @property

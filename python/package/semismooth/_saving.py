@@ -31,6 +31,9 @@ def _encoded(value: Any) -> Any:
         return {"class": name, "state": {key: _encoded(v) for key, v in _core._state(value).items()}}
     if isinstance(value, np.ndarray):
         return {"array": value.tolist(), "shape": list(value.shape), "type": value.dtype.str}
+    if hasattr(value, "tocsc"):
+        csc = value.tocsc()
+        return {"sparse": [_encoded(part) for part in (csc.data, csc.indices, csc.indptr)], "shape": list(csc.shape)}
     if isinstance(value, tuple):
         return {"tuple": [_encoded(v) for v in value]}
     if isinstance(value, list):
@@ -54,6 +57,10 @@ def _decoded(value: Any) -> Any:
         if kind.hasobject:
             raise ValueError("an array of objects in a saved file")
         return np.array(value["array"], dtype=kind).reshape(value["shape"])
+    if "sparse" in value:
+        from scipy.sparse import csc_matrix
+
+        return csc_matrix(tuple(_decoded(part) for part in value["sparse"]), shape=value["shape"])
     if "tuple" in value:
         return tuple(_decoded(v) for v in value["tuple"])
     return {key: _decoded(v) for key, v in value["dict"].items()}

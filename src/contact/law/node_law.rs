@@ -150,7 +150,7 @@ impl LocalRow {
 }
 
 /// Largest number of test functions of a law.
-pub const MAX_TESTS: usize = 4;
+pub const MAX_TESTS: usize = 6;
 
 /// Largest number of history variables of a law at a node.
 pub const MAX_HISTORY: usize = 4;
@@ -379,6 +379,11 @@ pub trait NodeLaw {
         None
     }
 
+    /// The tension T that a node bears where the law of [`affine_friction`](Self::affine_friction) is one for λν + T.
+    fn tension(&self, _node: usize) -> f64 {
+        0.0
+    }
+
     /// Checks coefficients at a point.
     ///
     /// # Errors
@@ -420,6 +425,7 @@ pointed_to! {
     fn depends_on_slip(&self) -> bool;
     fn is_coulomb(&self) -> bool;
     fn affine_friction(&self, node: usize, history: &[f64]) -> Option<[f64; 2]>;
+    fn tension(&self, node: usize) -> f64;
     fn check(&self, v: &LocalValues) -> Result<(), ContactError>;
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
 }

@@ -154,7 +154,7 @@ impl FixedPointReport {
 /// Each iteration is a [`solve`](CondensedContact::solve) from the solution before.
 ///
 /// # Errors
-/// Wrong lengths, options out of range, inner problems that cannot be solved. Failure to converge is not an error: see
+/// Wrong lengths, options out of range, laws that bear tension, inner problems that cannot be solved. Failure to converge is not an error: see
 /// [`FixedPointReport`].
 pub fn fixed_point<L: NodeLaw>(
     problem: &CondensedContact<L>,
@@ -176,6 +176,12 @@ pub fn fixed_point_observed<L: NodeLaw>(
 ) -> Result<FixedPointReport, ContactError> {
     options.validate()?;
     let omega = options.relaxation;
+    let law = problem.node_law();
+    if law.num_tests() == 0 || (0..problem.num_contacts()).any(|node| law.tension(node) != 0.0) {
+        return Err(ContactError::Invalid {
+            what: "the fixed-point iteration needs λν ≥ 0 and ‖λt‖ ≤ F λν: the law bears tension".to_owned(),
+        });
+    }
     let q = problem.num_residuals();
     crate::contact::error::check_length("the solution x", start, problem.num_vars())?;
     let begin = problem.nodes(start);

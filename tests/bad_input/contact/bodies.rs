@@ -68,6 +68,19 @@ pub(super) fn bodies(t: &mut Table) {
             )
         });
     }
+    let exported = "contact::ContactBody::exported";
+    let given = |a: Matrix, n: Matrix, b: Vec<Matrix>| ContactBody::exported(a, n, b, load());
+    t.refuses(exported, "an oblong A", "A", || {
+        given(normal(), normal(), vec![tangential()])
+    });
+    t.refuses(exported, "no tangent", "tangential", || {
+        given(stiffness(), normal(), vec![])
+    });
+    for bad in BAD {
+        t.refuses(exported, "A", "stiffness", || {
+            given(rows(&[&[bad, 0.0], &[0.0, 2.0]]), normal(), vec![tangential()])
+        });
+    }
     let nodes = "contact::ContactBody::with_nodes";
     let at = |x: f64, places: &[[usize; 2]]| body().with_nodes(vec![[x, 0.0, 0.0]], places);
     t.refuses(nodes, "a displacement too few", "nodes of displacements", || {

@@ -1,6 +1,7 @@
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactError, FrictionCoefficient, FrictionCurve, FullContact, GivenBound,
-    LoadPath, LocalRow, LocalValues, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, check_law,
+    Cohesive, CondensedContact, ContactBody, ContactError, FrictionCoefficient, FrictionCurve, Frictionless,
+    FullContact, GivenBound, LimitedShear, LoadPath, LocalRow, LocalValues, NodeLaw, OrthotropicCoulomb,
+    PlanarCoulomb, check_law,
 };
 use semismooth::piecewise::Facet;
 use semismooth::sparse::Matrix;
@@ -54,7 +55,7 @@ fn counts(t: &mut Table) {
     const BEHIND: &[Facet] = &[Facet::positive(1)];
     for (what, law) in [
         ("history variables", Counted { history: 5, ..LAW }),
-        ("test functions", Counted { tests: 5, ..LAW }),
+        ("test functions", Counted { tests: 7, ..LAW }),
         (
             "test functions",
             Counted {
@@ -115,6 +116,18 @@ pub(super) fn laws(t: &mut Table) {
         t.refuses("contact::GivenBound::new", "a bound", "bound", || {
             GivenBound::new(1, vec![bad], vec![[0.3; 2]])
         });
+        t.refuses("contact::LimitedShear::new", "a limit", "limit of shear", || {
+            LimitedShear::new(1, vec![0.3], vec![bad])
+        });
+        t.refuses("contact::Cohesive::new", "a tension", "tension", || {
+            Cohesive::new(Frictionless::plane(), vec![bad])
+        });
+        t.refuses(
+            "contact::ContactBody::with_compliance",
+            "a compliance",
+            "compliance",
+            || body().with_compliance(&[bad], &[0.0]),
+        );
         t.refuses(
             "contact::GivenBound::new",
             "a coefficient",

@@ -6,11 +6,12 @@ use semismooth::contact::ContactSolution;
 use semismooth::output::{Field, write_vtu};
 
 use super::Case;
+use super::matrices::write_nodes;
 use crate::commands::error::CommandError;
 
 impl<P> Case<'_, P> {
     /// Displacements, stresses, and at contact nodes states, pressures, tractions (force per area) and slips; elsewhere the state is −1 and
-    /// the others are 0.
+    /// the others are 0. Without a mesh, a table of the contact nodes.
     pub(super) fn write_fields(
         &self,
         path: &Path,
@@ -18,29 +19,32 @@ impl<P> Case<'_, P> {
         free: &[f64],
         supports: &[f64],
     ) -> Result<(), CommandError> {
-        let mesh = self.system.mesh();
+        let Some((system, rows)) = &self.mesh else {
+            return write_nodes(&path.with_extension("csv"), solution);
+        };
+        let mesh = system.mesh();
         let n = mesh.num_nodes();
         let (mut state, mut pressure) = (vec![-1.0; n], vec![0.0; n]);
         let (mut traction, mut slip) = (vec![0.0; 3 * n], vec![0.0; 3 * n]);
-        for (i, &node) in self.rows.nodes.iter().enumerate() {
-            let (v, area) = (&solution.nodes[i], self.rows.areas[i]);
+        for (i, &node) in rows.nodes.iter().enumerate() {
+            let (v, area) = (&solution.nodes[i], rows.areas[i]);
             state[node] = f64::from(solution.states[i].piece() as u32);
             pressure[node] = v.pressure / area;
             for d in 0..3 {
-                for (t, axis) in self.rows.tangents[i].iter().enumerate() {
+                for (t, axis) in rows.tangents[i].iter().enumerate() {
                     traction[3 * node + d] -= v.traction[t] / area * axis[d];
                     slip[3 * node + d] += v.slip[t] * axis[d];
                 }
-                traction[3 * node + d] -= pressure[node] * self.rows.normals[i][d];
+                traction[3 * node + d] -= pressure[node] * rows.normals[i][d];
             }
         }
         let failed = |e| CommandError::failed("the fields", e);
-        let stress = self.system.stresses(free, supports).map_err(failed)?;
+        let stress = system.stresses(free, supports).map_err(failed)?;
         let at_nodes = [
             Field::new(
                 "displacement",
                 mesh.dim(),
-                self.system.displacements(free, supports).map_err(failed)?,
+                system.displacements(free, supports).map_err(failed)?,
             ),
             Field::new("contact state", 1, state),
             Field::new("pressure", 1, pressure),

@@ -56,11 +56,15 @@ pub(super) fn run<L: NodeLaw>(
         }
     }
     table.flush().map_err(write_failed(&path))?;
-    if case.fields {
+    if case.fields && case.mesh.is_some() {
         write_pvd(case.file("history.pvd"), &series).map_err(|e| CommandError::failed("the fields", e))?;
     }
     if !json && !quiet {
-        let fields = if case.fields { ", history.pvd" } else { "" };
+        let fields = match (case.fields, &case.mesh) {
+            (true, Some(_)) => ", history.pvd",
+            (true, None) => ", level_*.csv",
+            _ => "",
+        };
         writeln!(out, "written to {}: history.csv{fields}", case.folder.display())?;
     }
     if progress.cancelled() {

@@ -7,8 +7,10 @@ use toml::Spanned;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Input {
-    pub mesh: Spanned<MeshInput>,
-    pub material: Spanned<MaterialInput>,
+    pub mesh: Option<Spanned<MeshInput>>,
+    pub material: Option<Spanned<MaterialInput>>,
+    /// In place of a mesh, a material, supports and tractions.
+    pub matrices: Option<Spanned<MatricesInput>>,
     #[serde(default)]
     pub inclusion: Vec<Spanned<InclusionInput>>,
     #[serde(default)]
@@ -26,6 +28,18 @@ pub(super) struct Input {
 pub(super) struct MeshInput {
     pub file: Option<Spanned<String>>,
     pub block: Option<Spanned<BlockInput>>,
+}
+
+/// Files with the matrices and vectors of a body.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MatricesInput {
+    pub stiffness: Spanned<String>,
+    pub normal: Spanned<String>,
+    pub tangential: Vec<Spanned<String>>,
+    pub load: Option<Spanned<String>>,
+    pub grows: Option<Spanned<String>>,
+    pub gap: Option<Spanned<String>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -51,6 +65,7 @@ pub(super) enum Plane {
     #[default]
     Strain,
     Stress,
+    Axisymmetric,
 }
 
 #[derive(Debug, Deserialize)]
@@ -93,7 +108,7 @@ pub(super) struct TractionInput {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ContactInput {
-    pub facets: String,
+    pub facets: Option<String>,
     pub against: Option<String>,
     pub point: Option<Vec<f64>>,
     pub normal: Option<Vec<f64>>,
@@ -101,6 +116,12 @@ pub(super) struct ContactInput {
     pub friction: Option<f64>,
     pub friction_by_slip: Option<Vec<(f64, f64)>>,
     pub friction_across: Option<f64>,
+    pub shear_limit: Option<f64>,
+    pub tension: Option<f64>,
+    #[serde(default)]
+    pub bonded: bool,
+    /// Of a layer between both sides, per area: normal, tangential.
+    pub stiffness: Option<[f64; 2]>,
 }
 
 #[derive(Debug, Deserialize)]

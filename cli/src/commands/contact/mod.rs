@@ -4,13 +4,15 @@ mod fields;
 mod follow;
 mod history;
 mod input;
+mod law;
+mod matrices;
 mod model;
 mod reduced;
 
 use std::io::Write;
 use std::path::PathBuf;
 
-use semismooth::contact::{ContactState, LoadCase, NodeLaw};
+use semismooth::contact::{ContactState, LoadCase};
 use semismooth::fem::{ContactRows, ElasticSystem};
 
 use self::model::{Plan, RunFile};
@@ -24,8 +26,8 @@ pub const TEMPLATE: &str = include_str!("template.toml");
 /// A problem, and the settings for output of its solutions.
 struct Case<'a, P> {
     problem: P,
-    system: &'a ElasticSystem,
-    rows: ContactRows,
+    /// None where the body is given by matrices.
+    mesh: Option<(&'a ElasticSystem, ContactRows)>,
     folder: PathBuf,
     fields: bool,
     arguments: &'a RunArgs,
@@ -34,6 +36,9 @@ struct Case<'a, P> {
 pub(super) fn run(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), CommandError> {
     let file = RunFile::read(&arguments.run)?;
     let plan = file.plan()?;
+    if let Some(place) = &file.input.matrices {
+        return matrices::run(&file, place, &plan, arguments, out);
+    }
     let (system, motion) = file.system()?;
     let run = Run {
         plan: file.routed(plan, &system)?,
@@ -41,10 +46,7 @@ pub(super) fn run(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), Comman
         arguments,
         system,
     };
-    match run.system.mesh().dim() {
-        2 => run.work(run.file.planar()?, motion, out),
-        _ => run.work(run.file.orthotropic()?, motion, out),
-    }
+    run.work(motion, out)
 }
 
 /// A body, and what is to be computed.
@@ -56,24 +58,15 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    fn work<L: NodeLaw>(
-        &self,
-        law: L,
-        motion: Option<LoadCase>,
-        out: &mut dyn Write,
-    ) -> Result<(), CommandError> {
+    fn work(&self, motion: Option<LoadCase>, out: &mut dyn Write) -> Result<(), CommandError> {
         let contact = self.file.contact(&self.system, motion)?;
-        let held = contact.num_held();
+        let law = self.file.law(self.system.mesh().dim(), contact.areas())?;
         let told = !self.arguments.json && !self.arguments.quiet;
         for note in self.system.notes().iter().filter(|_| told) {
             writeln!(out, "{}", wrapped(&format!("note: {note}")))?;
         }
-        if held > 0 && told {
-            let nodes = counted(held, "contact node");
-            writeln!(
-                out,
-                "tangents held at {nodes}, as on planes of symmetry: symmetric solutions only"
-            )?;
+        if told {
+            tell_held(contact.num_held(), out)?;
         }
         match &self.plan {
             Plan::Levels(levels) => {
@@ -95,13 +88,23 @@ impl Run<'_> {
         let output = &self.file.input.output;
         Ok(Case {
             problem,
-            system: &self.system,
-            rows,
+            mesh: Some((&self.system, rows)),
             folder: self.file.results(self.arguments.out.as_ref(), &output.folder)?,
             fields: output.fields,
             arguments: self.arguments,
         })
     }
+}
+
+fn tell_held(held: usize, out: &mut dyn Write) -> Result<(), CommandError> {
+    if held > 0 {
+        let nodes = counted(held, "contact node");
+        writeln!(
+            out,
+            "tangents held at {nodes}, as on planes of symmetry: symmetric solutions only"
+        )?;
+    }
+    Ok(())
 }
 
 impl<P> Case<'_, P> {

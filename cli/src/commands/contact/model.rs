@@ -2,10 +2,7 @@
 
 use std::error::Error;
 
-use semismooth::contact::{
-    CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, NodeLaw, OrthotropicCoulomb,
-    PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions,
-};
+use semismooth::contact::{CondensedContact, ContactBody, ReducedBody, ReducedContact, ReducedOptions};
 use semismooth::fem::{
     ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, Mortar, PlaneModel, read_gmsh,
 };
@@ -13,7 +10,8 @@ use semismooth::interface::{LoadCase, LoadPath};
 use semismooth::sparse::Matrix;
 use toml::Spanned;
 
-use super::input::{BlockInput, Component, ContactInput, Input, MeshInput, Plane, Route, RunInput};
+use super::input::{BlockInput, Component, Input, MeshInput, Plane, Route, RunInput};
+use super::law::Law;
 use crate::commands::error::CommandError;
 use crate::commands::run_file;
 
@@ -30,6 +28,11 @@ pub(super) struct Traces {
 }
 
 impl Traces {
+    /// Areas of the contact nodes.
+    pub(super) fn areas(&self) -> &[f64] {
+        &self.rows.areas
+    }
+
     /// Number of contact nodes with a tangent that is held.
     pub(super) fn num_held(&self) -> usize {
         self.rows.num_held()
@@ -59,8 +62,20 @@ impl RunFile {
         Ok(out)
     }
 
+    /// A section that a body with a mesh has.
+    fn wanted<'a, T>(
+        &self,
+        key: &str,
+        given: Option<&'a Spanned<T>>,
+    ) -> Result<&'a Spanned<T>, CommandError> {
+        given.ok_or_else(|| {
+            let what = "there is none: a mesh and a material are wanted, or matrices";
+            self.wrong(&self.input.contact, key, what)
+        })
+    }
+
     fn mesh(&self) -> Result<Mesh, CommandError> {
-        let place = &self.input.mesh;
+        let place = self.wanted("mesh", self.input.mesh.as_ref())?;
         let MeshInput { file, block } = place.get_ref();
         match (file, block) {
             (Some(file), None) => {
@@ -89,13 +104,14 @@ impl RunFile {
     pub(super) fn system(&self) -> Result<(ElasticSystem, Option<LoadCase>), CommandError> {
         let mesh = self.mesh()?;
         let dim = mesh.dim();
-        let place = &self.input.material;
+        let place = self.wanted("material", self.input.material.as_ref())?;
         let material = place.get_ref();
         let of_body = Material::isotropic(material.young, material.poisson)
             .map_err(|e| self.wrong(place, "material", e))?;
         let plane = match material.plane {
             Plane::Strain => PlaneModel::Strain,
             Plane::Stress => PlaneModel::Stress,
+            Plane::Axisymmetric => PlaneModel::Axisymmetric,
         };
         let mut elasticity = Elasticity::new(mesh, of_body).with_plane_model(plane);
         for place in &self.input.inclusion {
@@ -189,8 +205,11 @@ impl RunFile {
     fn rows(&self, system: &ElasticSystem) -> Result<ContactRows, CommandError> {
         let place = &self.input.contact;
         let contact = place.get_ref();
+        let Some(facets) = &contact.facets else {
+            return Err(self.wrong(place, "contact.facets", "the facets in contact are wanted"));
+        };
         let rows = match &contact.against {
-            None => system.contact(&contact.facets, &self.foundation(system.mesh().dim())?),
+            None => system.contact(facets, &self.foundation(system.mesh().dim())?),
             Some(_) if contact.point.is_some() || contact.normal.is_some() => {
                 return Err(self.wrong(
                     place,
@@ -200,52 +219,10 @@ impl RunFile {
             }
             Some(other) => {
                 let gap = contact.gap.unwrap_or(0.0);
-                system.contact_between(&contact.facets, other, &Mortar::default().with_gap(move |_| gap))
+                system.contact_between(facets, other, &Mortar::default().with_gap(move |_| gap))
             }
         };
         rows.map_err(|e| self.wrong(place, "contact", e))
-    }
-
-    fn friction(&self) -> Result<FrictionCoefficient, CommandError> {
-        let place = &self.input.contact;
-        let ContactInput {
-            friction,
-            friction_by_slip,
-            ..
-        } = place.get_ref();
-        let coefficient = match (friction, friction_by_slip) {
-            (Some(friction), None) => FrictionCoefficient::constant(*friction),
-            (None, Some(table)) => FrictionCurve::table(table).map(FrictionCoefficient::uniform),
-            _ => {
-                let what = "one of friction and friction_by_slip is wanted";
-                return Err(self.wrong(place, "contact", what));
-            }
-        };
-        coefficient.map_err(|e| self.wrong(place, "contact.friction", e))
-    }
-
-    pub(super) fn planar(&self) -> Result<PlanarCoulomb, CommandError> {
-        let place = &self.input.contact;
-        if place.get_ref().friction_across.is_some() {
-            return Err(self.wrong(
-                place,
-                "contact.friction_across",
-                "there is one tangent in the plane",
-            ));
-        }
-        Ok(PlanarCoulomb::new(self.friction()?))
-    }
-
-    pub(super) fn orthotropic(&self) -> Result<OrthotropicCoulomb, CommandError> {
-        let (place, first) = (&self.input.contact, self.friction()?);
-        Ok(match place.get_ref().friction_across {
-            None => OrthotropicCoulomb::isotropic(first),
-            Some(across) => {
-                let second = FrictionCoefficient::constant(across)
-                    .map_err(|e| self.wrong(place, "contact.friction_across", e))?;
-                OrthotropicCoulomb::new(first, second)
-            }
-        })
     }
 
     /// The contact nodes, their tangential rows, and the load.
@@ -270,29 +247,30 @@ impl RunFile {
     }
 
     /// The problem, condensed onto its contact nodes, and these nodes.
-    pub(super) fn condensed<L: NodeLaw>(
+    pub(super) fn condensed(
         &self,
         system: &ElasticSystem,
         traces: Traces,
-        law: L,
-    ) -> Result<(CondensedContact<L>, ContactRows), CommandError> {
+        law: Law,
+    ) -> Result<(CondensedContact<Law>, ContactRows), CommandError> {
         let (place, rows) = (&self.input.contact, traces.rows);
         let (tangential, load) = (traces.tangential, traces.load);
         let body = ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, load)
             .and_then(|body| body.with_gap(rows.gap.clone()))
             .map_err(|e| self.wrong(place, "contact", e))?;
+        let body = self.layered(body, &rows.areas)?;
         let problem =
             CondensedContact::new(body, law).map_err(|e| CommandError::failed("the body in contact", e))?;
         Ok((problem, rows))
     }
 
     /// The problem in its displacements, and its contact nodes.
-    pub(super) fn reduced<L: NodeLaw>(
+    pub(super) fn reduced(
         &self,
         system: &ElasticSystem,
         traces: Traces,
-        law: L,
-    ) -> Result<(ReducedContact<L>, ContactRows), CommandError> {
+        law: Law,
+    ) -> Result<(ReducedContact<Law>, ContactRows), CommandError> {
         let (place, rows) = (&self.input.contact, traces.rows);
         let stiffness = system
             .nodal_stiffness()
@@ -308,14 +286,19 @@ impl RunFile {
     /// The plan for the route in the run file.
     pub(super) fn routed(&self, plan: Plan, system: &ElasticSystem) -> Result<Plan, CommandError> {
         let place = &self.input.run;
-        let between = self.input.contact.get_ref().against.is_some();
+        let contact = self.input.contact.get_ref();
+        let condensed = contact.against.is_some() || contact.stiffness.is_some();
         let most = match system.mesh().dim() {
             2 => PLANE,
             _ => SOLID,
         };
         match (place.get_ref().route, plan) {
-            (Route::Auto, Plan::History(levels)) if system.num_free() > most && !between => {
+            (Route::Auto, Plan::History(levels)) if system.num_free() > most && !condensed => {
                 Ok(Plan::Levels(levels))
+            }
+            (Route::Reduced, Plan::History(_)) if contact.stiffness.is_some() => {
+                let what = "a layer (contact.stiffness) needs the condensed route";
+                Err(self.wrong(place, "run.route", what))
             }
             (Route::Reduced, Plan::History(levels)) => Ok(Plan::Levels(levels)),
             (Route::Reduced, Plan::Follow(_)) => {

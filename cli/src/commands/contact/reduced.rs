@@ -25,8 +25,9 @@ pub(super) fn run<L: NodeLaw>(
     let mut table = create(&path)?;
     writeln!(table, "{COLUMNS}").map_err(write_failed(&path))?;
     if shown {
-        let nodes = counted(case.rows.nodes.len(), "contact node");
-        let count = counted(case.system.num_free(), "displacement");
+        let body = problem.body();
+        let nodes = counted(body.num_contacts(), "contact node");
+        let count = counted(body.num_displacements(), "displacement");
         writeln!(
             out,
             "{count}, {nodes}: solved at each level, not followed between levels"
