@@ -234,7 +234,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "levels = [0.0, 0.25",
             "levels = [nan, 0.25",
-            &["line 56", "run.levels", "NaN is not finite"],
+            &["line 55", "run.levels", "NaN is not finite"],
         ),
         (
             "value = [0.0, -0.02]",
@@ -290,7 +290,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "levels = ",
             "# levels = ",
-            &["line 56", "run", "one of levels and follow"],
+            &["line 55", "run", "one of levels and follow"],
         ),
         ("[[support]]", "[[tension]]", &["tension"]),
         (
@@ -308,7 +308,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
             "components = [\"y\"]",
             &["support.value"],
         ),
-        ("[run]", "[run", &["line 56"]),
+        ("[run]", "[run", &["line 55"]),
     ];
     for (from, to, expected) in cases {
         run_file(&folder, &[(from, to)]);

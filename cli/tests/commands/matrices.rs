@@ -166,8 +166,6 @@ fn wrong_matrices_are_named_with_their_line() {
     let both = "[mesh]\nblock = { lower = [0.0, 0.0], upper = [2.0, 1.0], cells = [16, 8] }\n[contact]";
     matrices_file(&folder, &[("[contact]", both)]);
     assert!(refused(&folder, &["contact", "run.toml"]).contains("mesh"));
-    matrices_file(&folder, &[("[matrices]", "[mesh]")]);
-    assert!(refused(&folder, &["contact", "run.toml"]).contains("stiffness"));
     std::fs::write(
         folder.join("run.toml"),
         "[contact]\nfriction = 0.4\n[run]\nlevels = [0.0]\n",

@@ -116,7 +116,7 @@ pub(super) fn laws(t: &mut Table) {
         t.refuses("contact::GivenBound::new", "a bound", "bound", || {
             GivenBound::new(1, vec![bad], vec![[0.3; 2]])
         });
-        t.refuses("contact::LimitedShear::new", "a limit", "limit of shear", || {
+        t.refuses("contact::LimitedShear::new", "a limit", "of shear", || {
             LimitedShear::new(1, vec![0.3], vec![bad])
         });
         t.refuses("contact::Cohesive::new", "a tension", "tension", || {
