@@ -184,6 +184,21 @@ def test_laws_of_one_node(normal, shear, law, springs, exact):
     np.testing.assert_allclose(node(normal, shear, law, springs=springs, form="full")[2:], exact[2:], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("law", [0.3, ss.LimitedShear(0.3, 1e-3), ss.Cohesion(0.3, 1e-3), ss.Bonded()])
+def test_a_pressed_disc_is_the_same_in_all_forms(law):
+    mesh = ss.Mesh.rectangle([0, 0], [1, 1], [12, 12])
+    body = ss.Body(mesh, ss.Material(1.0, 0.3), supports={"top": [0.0, -0.02]}, plane="axisymmetric")
+    bowl = ss.Foundation.gap(lambda x: 0.05 * x[0] ** 2, normal=[0, -1])
+    condensed, full, reduced = (ss.ContactProblem(body, "bottom", bowl, law, form=form).solve() for form in ("condensed", "full", "reduced"))
+    # On the axis there is no radial displacement.
+    assert condensed.problem.held.sum() == 1
+    size = abs(condensed.pressures).max()
+    for other in (full, reduced):
+        assert other.states == condensed.states
+        np.testing.assert_allclose(other.pressures, condensed.pressures, rtol=0, atol=1e-8 * size)
+        np.testing.assert_allclose(other.tractions, condensed.tractions, rtol=0, atol=1e-8 * size)
+
+
 def test_stresses_of_laws_are_forces_over_areas():
     """A block of height 1 without Poisson effect, pressed down by 0.01: the stress is 0.01 / (1 / E + 1 / k) on a layer of stiffness k = 2."""
     mesh = ss.Mesh.rectangle([0, 0], [2, 1], [8, 4])

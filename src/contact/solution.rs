@@ -70,8 +70,9 @@ impl fmt::Display for ContactResiduals {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactEnergy {
-    /// The elastic energy of the whole body: ½ uᵀ A u, and the contribution of moving supports. In Delassus form, where the body is not
-    /// known: ½ rᵀ M r, the energy due to the reactions.
+    /// The elastic energy of the whole body: ½ uᵀ A u, the contribution of moving supports, and that of
+    /// [springs](super::ContactBody::with_compliance) at contact nodes, by which u_ν and u_t are less below. In Delassus form, where the body
+    /// is not known: ½ rᵀ M r, the energy due to the reactions.
     pub stored: f64,
     /// The load times the displacements, fᵀ u, and the reactions times the displacements of supports. In Delassus form −qᵀ r.
     pub load: f64,
