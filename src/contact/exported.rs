@@ -21,7 +21,7 @@ impl ContactBody {
     /// let [normal, tangential] = traces;
     /// let load = LoadPath::constant(vec![1.0, 0.0]);
     /// let (body, note) = ContactBody::exported(a, normal?, vec![tangential?], load)?;
-    /// assert!(note.unwrap().contains("entries (0, 1) and (1, 0) differ by 2.0e-8"));
+    /// assert!(note.unwrap().contains("entries (1, 0) and (0, 1) differ by 2.0e-8"));
     /// assert_eq!(body.stiffness().get(0, 1), body.stiffness().get(1, 0));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
