@@ -9,13 +9,16 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "__version__",
+    "_read_substructure",
     "_restored",
     "_saved_classes",
     "_state",
     "Body",
+    "Bonded",
     "Branch",
     "BranchPoint",
     "CharacterChange",
+    "Cohesion",
     "Condition",
     "ConeResult",
     "ContactProblem",
@@ -33,6 +36,7 @@ __all__ = [
     "GivenBound",
     "Lcp",
     "LemkeResult",
+    "LimitedShear",
     "Load",
     "Map",
     "Material",
@@ -76,6 +80,7 @@ __version__: str
 
 class SemismoothError(ValueError): ...
 
+def _read_substructure(path: str) -> tuple[tuple[_Vector, NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]: ...
 def _saved_classes() -> list[str]: ...
 def _state(object: Any) -> dict[str, Any]: ...
 def _restored(name: str, state: dict[str, Any]) -> Any: ...

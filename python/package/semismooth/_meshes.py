@@ -106,6 +106,7 @@ def _in_space(vectors: Any) -> Any:
 
 def point_data(solution: _core.ContactSolution) -> dict[str, Any]:
     problem = solution.problem
+    assert problem.body is not None  # Without a mesh there are no fields: the caller has refused.
     count, nodes, areas = problem.body.mesh.num_nodes, problem.nodes, problem.areas[:, None]
     slip = sum(solution.slips[:, [k]] * t for k, t in enumerate(problem.tangents))
     along = sum(solution.tractions[:, [k]] * t for k, t in enumerate(problem.tangents))
