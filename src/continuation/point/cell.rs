@@ -99,6 +99,7 @@ fn within(extension: &Extension<'_>, layout: &TestLayout, arcs: &[Arc]) -> Optio
         },
         facets: grazing,
         arc: Some(arc),
+        units: extension.units.clone(),
         unit,
     })
 }

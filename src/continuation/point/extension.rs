@@ -82,7 +82,9 @@ impl<'a> Extension<'a> {
             }
         };
         at(x, &mut jac)?;
-        let away = x.iter().enumerate().map(|(j, x)| x + centred(j + 1, false));
+        // By its own size, where a variable is far from 0 in its unit: rounding beside it is no size of its entries.
+        let away = x.iter().enumerate();
+        let away = away.map(|(j, x)| x + x.abs().max(1.0) * centred(j + 1, false));
         let away: Vec<f64> = away.collect();
         let mut there = jac.clone();
         at(&away, &mut there)?;

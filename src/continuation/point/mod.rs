@@ -39,6 +39,8 @@ pub(super) struct Found {
     facets: Vec<usize>,
     /// Its expansion in the variables of the map, where that was computed.
     arc: Option<Arc>,
+    /// Sizes of the variables in its selection; empty where they are all 1.
+    units: Vec<f64>,
     /// Length of its tangent in balanced units: one over it is a length along the arm over which the map changes noticeably.
     pub(super) unit: f64,
 }

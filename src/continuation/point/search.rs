@@ -427,6 +427,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             },
             facets,
             arc: None,
+            units: Vec::new(),
             unit,
         });
     }

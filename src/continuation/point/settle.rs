@@ -1,17 +1,71 @@
 //! Which of the arms found are one and the same, and whether the points along them are where their expansions say: corrected points at a
 //! small distance decide.
 
+use super::coincidence::SAFETY;
 use super::search::{ArmSearch, Arms};
 use super::{Found, PointDoubt};
 use crate::linear::LinearSolver;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Vanishing};
-use crate::sparse::{distance, dot, norm};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
+use crate::sparse::{dot, norm};
+use crate::spread::centred;
 
 /// Distances of the corrected points from the point, in balanced units: the first at which all arms are found and separate serves.
 const RADII: [f64; 6] = [3.9e-3, 4.9e-4, 6.1e-5, 7.6e-6, 9.5e-7, 1.2e-7];
 
+/// Share of its distance by which a point on an arm may be off its expansion, or moved by rounding.
+const SHARE: f64 = 0.25;
+
 /// Cosine of an angle between arms that are compared with each other; it is no criterion of identity.
 const NEAR: f64 = 0.5;
+
+/// Lengths and angles about a point in the sizes of its variables, whatever units they are in.
+struct Measure(Vec<f64>);
+
+impl Measure {
+    /// With the geometric means of the sizes in the selections of the arms.
+    fn of(found: &[Found], variables: usize) -> Self {
+        let known = || found.iter().filter(|f| !f.units.is_empty());
+        let mean = |j: usize| {
+            let logarithms: f64 = known().map(|f| f.units[j].log2()).sum();
+            (logarithms / known().count().max(1) as f64).exp2()
+        };
+        Self((0..variables).map(mean).collect())
+    }
+
+    fn dot(&self, a: &[f64], b: &[f64]) -> f64 {
+        let terms = a.iter().zip(b).zip(&self.0);
+        terms.map(|((a, b), unit)| (a / unit) * (b / unit)).sum()
+    }
+
+    fn norm(&self, a: &[f64]) -> f64 {
+        self.dot(a, a).sqrt()
+    }
+
+    fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
+        let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+        self.norm(&apart)
+    }
+
+    fn cosine(&self, a: &[f64], b: &[f64]) -> f64 {
+        self.dot(a, b) / (self.norm(a) * self.norm(b))
+    }
+
+    /// A linear function that is of the size of lengths in all but few directions.
+    fn functional(&self, second: bool) -> Vec<f64> {
+        let entries = self.0.iter().enumerate();
+        entries
+            .map(|(j, unit)| 2.0 * centred(j + 1, second) / unit)
+            .collect()
+    }
+
+    /// The normal, of length 1 in the variables, of the plane that is orthogonal to a direction in these sizes.
+    fn normal(&self, t: &[f64]) -> Vec<f64> {
+        let mut normal: Vec<f64> = t.iter().zip(&self.0).map(|(t, unit)| t / unit / unit).collect();
+        let length = norm(&normal);
+        normal.iter_mut().for_each(|n| *n /= length);
+        normal
+    }
+}
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     /// Moves the arms found to the list: each once, with a corrected point where tangents alone do not tell them apart.
@@ -22,9 +76,13 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         let plain = kept.len() <= 2 && kept.iter().all(|f| f.facets.is_empty() && f.is_simple());
         if !plain {
             let mut settled = false;
+            let measure = Measure::of(&kept, self.x.len());
             for radius in RADII {
-                if let Some(probes) = self.probes(&mut kept, radius)? {
-                    kept = merged(kept, &probes);
+                if let Some(probes) = self.probes(&mut kept, &measure, radius)?
+                    && let Some(gone) = repeated(&kept, &probes, &measure)
+                {
+                    let mut gone = gone.into_iter();
+                    kept.retain(|_| !gone.next().unwrap_or(false));
                     settled = true;
                     break;
                 }
@@ -59,24 +117,35 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     }
 
     /// A corrected point on each arm at one distance; `None` where one is not found near its expansion, or lies outside of its cell.
-    fn probes(&mut self, found: &mut [Found], radius: f64) -> Result<Option<Vec<Vec<f64>>>, PiecewiseError> {
+    fn probes(
+        &mut self,
+        found: &mut [Found],
+        measure: &Measure,
+        radius: f64,
+    ) -> Result<Option<Vec<Probe>>, PiecewiseError> {
         let mut probes = Vec::with_capacity(found.len());
         let mut lengths: Vec<f64> = Vec::with_capacity(found.len());
         for k in 0..found.len() {
             // Arms that may be the same are compared at the same distance, whatever the units of their selections.
-            let near = |j: &usize| dot(&found[*j].arm.tangent, &found[k].arm.tangent) > NEAR;
+            let near = |j: &usize| measure.cosine(&found[*j].arm.tangent, &found[k].arm.tangent) > NEAR;
             let length = (0..k).find(near).map_or(radius * found[k].unit, |j| lengths[j]);
             lengths.push(length);
-            let Some(probe) = self.probe(&found[k], length / found[k].unit)? else {
+            let Some(probe) = self.probe(&found[k], measure, length / found[k].unit)? else {
                 return Ok(None);
             };
-            found[k].arm.probe.clone_from(&probe);
+            found[k].arm.probe.clone_from(&probe.point);
             probes.push(probe);
         }
         Ok(Some(probes))
     }
 
-    fn probe(&mut self, found: &Found, radius: f64) -> Result<Option<Vec<f64>>, PiecewiseError> {
+    /// The corrected point on an arm; `None`, too, where rounding of H may have moved it as far as its distance allows.
+    fn probe(
+        &mut self,
+        found: &Found,
+        measure: &Measure,
+        radius: f64,
+    ) -> Result<Option<Probe>, PiecewiseError> {
         let ahead = match &found.arc {
             Some(arc) => arc.at(radius),
             None => found
@@ -86,19 +155,17 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                 .map(|t| radius * found.unit * t)
                 .collect(),
         };
-        let mut y: Vec<f64> = self.x.iter().zip(&ahead).map(|(x, a)| x + a).collect();
-        let guess = y.clone();
-        let (selection, mut t) = (&found.arm.selection, found.arm.tangent.clone());
+        let guess: Vec<f64> = self.x.iter().zip(&ahead).map(|(x, a)| x + a).collect();
+        let mut y = guess.clone();
+        let (selection, mut error) = (&found.arm.selection, 0.0);
         if !self.map.is_piecewise_affine() {
-            let normal = found.arm.tangent.clone();
-            let s = dot(&normal, &ahead);
-            let corrected = self
-                .corrector
-                .correct_in_plane(self.map, selection, self.x, &normal, s, &mut y, &mut t);
-            match corrected {
-                Ok(c) if c.converged && distance(&y, &guess) <= 0.25 * norm(&ahead) => {}
-                Ok(_) | Err(PiecewiseError::Linear(_)) => return Ok(None),
-                Err(e) => return Err(e),
+            let (plane, reach) = (measure.normal(&found.arm.tangent), measure.norm(&ahead));
+            let s = dot(&plane, &ahead);
+            match self.in_plane(selection, (&plane, s), &guess, measure)? {
+                Some(probe) if measure.distance(&probe.point, &guess) + probe.error <= SHARE * reach => {
+                    (y, error) = (probe.point, probe.error);
+                }
+                _ => return Ok(None),
             }
         }
         let last = y.len() - 1;
@@ -117,7 +184,38 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             .vanishing
             .iter()
             .any(|v| !found.facets.contains(&v.index) && leaves(v));
-        Ok((!crossed).then_some(y))
+        Ok((!crossed).then_some(Probe { point: y, error }))
+    }
+
+    /// The point of a selection in a plane at a distance from x, next to a guess. Its error is what rounding of H moves it by or, as the corrector
+    /// stops at rounding in the units of the variables as they are, by how much a repetition does.
+    fn in_plane(
+        &mut self,
+        selection: &Selection,
+        (normal, s): (&[f64], f64),
+        guess: &[f64],
+        measure: &Measure,
+    ) -> Result<Option<Probe>, PiecewiseError> {
+        let (mut point, mut error, mut t) = (guess.to_vec(), 0.0, normal.to_vec());
+        for _ in 0..2 {
+            let before = point.clone();
+            let corrected = self
+                .corrector
+                .correct_in_plane(self.map, selection, self.x, normal, s, &mut point, &mut t);
+            match corrected {
+                Ok(c) if c.converged => error = measure.distance(&before, &point),
+                Ok(_) | Err(PiecewiseError::Linear(_)) => return Ok(None),
+                Err(e) => return Err(e),
+            }
+        }
+        for second in [false, true] {
+            let along = measure.functional(second);
+            let Some(moved) = self.corrector.rounding_of(&along, &point, normal) else {
+                return Ok(None);
+            };
+            error = error.max(SAFETY * moved);
+        }
+        Ok(Some(Probe { point, error }))
     }
 
     /// The sign of det ∇_yH^(σ) along an arm.
@@ -149,10 +247,18 @@ impl Found {
     }
 }
 
-/// Each arm once: of two selections that meet in facets in which both arms run, two arms are the same where their points are nearer to each
-/// other than half the distance to any other arm of either selection. The one with fewer facets to cross stays.
-fn merged(found: Vec<Found>, probes: &[Vec<f64>]) -> Vec<Found> {
+/// A corrected point, and how far off it may be in the sizes of the variables.
+struct Probe {
+    point: Vec<f64>,
+    error: f64,
+}
+
+/// Which arms are in the list already: of two selections that meet in facets in which both arms run, two arms are the same where their points
+/// are nearer to each other than half the distance to any other arm of either selection. The one with fewer facets to cross stays. `None` where
+/// the errors of the points do not tell the others apart.
+fn repeated(found: &[Found], probes: &[Probe], measure: &Measure) -> Option<Vec<bool>> {
     let mut gone = vec![false; found.len()];
+    let apart = |i: usize, j: usize| measure.distance(&probes[i].point, &probes[j].point);
     for i in 0..found.len() {
         for j in 0..i {
             if gone[i] || gone[j] {
@@ -163,31 +269,29 @@ fn merged(found: Vec<Found>, probes: &[Vec<f64>]) -> Vec<Found> {
                 .selection
                 .differing_sites(&b.selection)
                 .all(|site| a.grazing.contains(&site) && b.grazing.contains(&site));
-            let apart = distance(&probes[i], &probes[j]);
             let others = (0..found.len()).filter(|&k| {
                 let s = &found[k].arm.selection;
                 k != i && k != j && (*s == a.selection || *s == b.selection)
             });
             let clear = others
-                .map(|k| distance(&probes[k], &probes[i]).min(distance(&probes[k], &probes[j])))
+                .map(|k| apart(k, i).min(apart(k, j)))
                 .filter(|d| *d > 0.0)
                 .fold(f64::INFINITY, f64::min);
             if a.selection != b.selection
                 && shared
-                && apart <= 0.5 * clear
-                && dot(&a.tangent, &b.tangent) > NEAR
+                && apart(i, j) <= 0.5 * clear
+                && measure.cosine(&a.tangent, &b.tangent) > NEAR
             {
                 let worse = if a.grazing.len() < b.grazing.len() { j } else { i };
                 gone[worse] = true;
             }
         }
     }
-    let mut k = 0;
-    found
-        .into_iter()
-        .filter(|_| {
-            k += 1;
-            !gone[k - 1]
-        })
-        .collect()
+    let kept: Vec<usize> = (0..found.len()).filter(|&k| !gone[k]).collect();
+    let resolved = |i: usize, j: usize| apart(i, j) > 2.0 * (probes[i].error + probes[j].error);
+    let all = kept
+        .iter()
+        .enumerate()
+        .all(|(k, &i)| kept[..k].iter().all(|&j| resolved(i, j)));
+    all.then_some(gone)
 }
