@@ -419,6 +419,15 @@ pub fn examine_in_untold_units(entry: &Entry, random: &mut Random) -> Findings {
     member.findings
 }
 
+/// Examines the vertex of a form in its own coordinates.
+pub fn examine_plain(entry: &Entry, _random: &mut Random) -> Findings {
+    let mut member = Member::new(entry, Embedded::plain(entry.core.clone()));
+    if entry.vertex {
+        member.judge_vertex();
+    }
+    member.findings
+}
+
 /// Examines the vertex alone of the member that [`examine`] examines.
 pub fn examine_vertex(entry: &Entry, random: &mut Random) -> Findings {
     let mut member = Member::new(entry, Embedded::random(entry.core.clone(), random));

@@ -19,7 +19,7 @@ mod random;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use forms::{Entry, FAMILIES};
-use judge::{Counts, Findings, examine, examine_in_untold_units, examine_vertex};
+use judge::{Counts, Findings, examine, examine_in_untold_units, examine_plain, examine_vertex};
 use random::Random;
 
 /// Members of each family.
@@ -200,4 +200,21 @@ fn units_of_the_parameter_add_no_arms() {
         );
         assert!(!decided || found.undecided.is_empty(), "{text}");
     }
+}
+
+/// Continua of curved maps stay undecided. In its own coordinates every other form is decided, of whatever codimension, with all its arms.
+#[test]
+fn forms_in_their_own_coordinates_are_decided() {
+    let mut faults = String::new();
+    for (_, family, draw) in FAMILIES.iter().filter(|f| !f.1.contains("continuum")) {
+        for seed in 0..3 {
+            let (found, _) = member(*draw, examine_plain, family, seed);
+            let mut text = String::new();
+            show(&mut text, &found);
+            if !text.is_empty() {
+                faults.push_str(&format!("  {family}:{seed}\n{text}"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{faults}");
 }
