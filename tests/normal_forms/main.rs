@@ -178,8 +178,9 @@ fn vertices_are_the_same_in_units_that_are_not_told() {
     families("untold units", |group| group != "folds", examine_in_untold_units);
 }
 
-/// Members at which arms that are none were found: in units of 10³ and 10⁸ of a parameter whose range has no bounds, entries of ∇H that are
-/// rounding set the size of a variable, one arm in a facet was two, and points on a cusp were settled before they were told apart.
+/// Members at which arms that are none were found: in units of 10³ and 10⁸ of a parameter whose range has no
+/// bounds, entries of ∇H that are rounding set the size of a variable, one arm in a facet was two, and points on
+/// a cusp were settled before they were told apart.
 #[test]
 fn units_of_the_parameter_add_no_arms() {
     let members = [

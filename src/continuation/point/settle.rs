@@ -187,8 +187,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         Ok((!crossed).then_some(Probe { point: y, error }))
     }
 
-    /// The point of a selection in a plane at a distance from x, next to a guess. Its error is what rounding of H moves it by or, as the corrector
-    /// stops at rounding in the units of the variables as they are, by how much a repetition does.
+    /// The point of a selection in a plane at a distance from x, next to a guess. Its error is what rounding of
+    /// H moves it by or, as the corrector stops at rounding in the units of the variables as they are, what a
+    /// repetition does.
     fn in_plane(
         &mut self,
         selection: &Selection,
@@ -253,9 +254,10 @@ struct Probe {
     error: f64,
 }
 
-/// Which arms are in the list already: of two selections that meet in facets in which both arms run, two arms are the same where their points
-/// are nearer to each other than half the distance to any other arm of either selection. The one with fewer facets to cross stays. `None` where
-/// the errors of the points do not tell the others apart.
+/// Which arms are in the list already: of two selections that meet in facets in which both arms run, two arms
+/// are the same where their points are nearer to each other than half the distance to any other arm of either
+/// selection. The one with fewer facets to cross stays. `None` where the errors of the points do not tell the
+/// others apart.
 fn repeated(found: &[Found], probes: &[Probe], measure: &Measure) -> Option<Vec<bool>> {
     let mut gone = vec![false; found.len()];
     let apart = |i: usize, j: usize| measure.distance(&probes[i].point, &probes[j].point);
