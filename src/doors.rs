@@ -15,6 +15,7 @@ use crate::enumeration::{EnumerationError, EnumerationOptions, SolutionSet};
 use crate::exact::Exact;
 use crate::fem::{ContactRows, ElasticSystem};
 use crate::piecewise::{ExactPieces, Expression, Formula, NonsmoothFunction, PiecewiseSmooth, Traced};
+use crate::sensitivity::{Sensitivity, SensitivityError};
 use crate::sparse::Matrix;
 use crate::variational::{Polyhedron, VariationalError, Vi, ViReport, ViSolver};
 
@@ -26,6 +27,66 @@ pub struct Solution<R> {
     pub x: Vec<f64>,
     /// How it was found: status, residual at x, iterations, multipliers or certificates where there are any.
     pub report: R,
+}
+
+impl<R> Solution<R> {
+    /// The solution as a function of parameters θ (length k): derivatives where there are any, one-sided ones at kinks. The map is that of
+    /// the problem in the unknowns x and behind them the parameters, see [`parametric`], [`parametric_mcp`] and
+    /// [`sensitivity`](crate::sensitivity).
+    ///
+    /// ```
+    /// use semismooth::{parametric_mcp, solve_mcp};
+    /// // 0 ≤ x ⟂ eˣ − p ≥ 0 at p = 2: x = ln p.
+    /// let free = [f64::INFINITY];
+    /// let found = solve_mcp(|x| vec![x[0].exp() - 2.0], &[0.0], &free, &[1.0])?;
+    /// let map = parametric_mcp(1, |x, p| vec![x[0].exp() - p[0]], &[0.0], &free)?;
+    /// let mut sensitivity = found.sensitivity(map, &[2.0])?;
+    /// assert!((sensitivity.derivative()?.get(0, 0) - 0.5).abs() < 1e-14);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Sensitivity::new`].
+    pub fn sensitivity<P: PiecewiseSmooth>(
+        &self,
+        map: P,
+        parameters: &[f64],
+    ) -> Result<Sensitivity<P>, SensitivityError> {
+        Sensitivity::new(map, &self.x, parameters)
+    }
+}
+
+/// The map of n equations H(x, p) = 0 in n unknowns and k parameters, for [`Solution::sensitivity`].
+pub fn parametric<F>(num_unknowns: usize, num_parameters: usize, equations: F) -> Traced<Formula>
+where
+    F: for<'a> FnOnce(&[Expression<'a>], &[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    Traced::new(Formula::new(num_unknowns + num_parameters, |all| {
+        let (x, p) = all.split_at(num_unknowns);
+        equations(x, p)
+    }))
+}
+
+/// The mixed complementarity problem of a smooth function F(x, p) of n = `lower.len()` unknowns and k parameters, for
+/// [`Solution::sensitivity`]; [`Mcp::at_parameters`] is the problem at values of p.
+///
+/// # Errors
+/// Another number of values than bounds, bounds that cross.
+pub fn parametric_mcp<F>(
+    num_parameters: usize,
+    function: F,
+    lower: &[f64],
+    upper: &[f64],
+) -> Result<Mcp<Autodiff<Formula>>, ComplementarityError>
+where
+    F: for<'a> FnOnce(&[Expression<'a>], &[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    let n = lower.len();
+    let formula = Formula::new(n + num_parameters, |all| {
+        let (x, p) = all.split_at(n);
+        function(x, p)
+    });
+    Mcp::with_parameters(Autodiff::new(formula), lower.to_vec(), upper.to_vec())
 }
 
 /// Why a problem is not solved. Its `Debug` is as short as its text, so that a `main` which returns it prints a line.
