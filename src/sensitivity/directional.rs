@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::element::Element;
 use super::point::{Solved, Verdict};
-use super::{LIMIT, SensitivityError};
+use super::{SensitivityError, limit};
 use crate::linear::LinearError;
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, check_vector};
 use crate::sparse::max_abs;
@@ -118,11 +118,9 @@ impl Solved {
         delta: &[f64],
     ) -> Result<(Vec<Branch>, bool), SensitivityError> {
         let active = &self.active;
-        if active.total().is_none_or(|t| t > u128::from(LIMIT)) {
-            return Err(SensitivityError::TooMany {
-                active: active.total(),
-                limit: LIMIT,
-            });
+        let (total, limit) = (active.total(), limit(self.n));
+        if total.is_none_or(|t| t > u128::from(limit)) {
+            return Err(SensitivityError::TooMany { active: total, limit });
         }
         let (mut list, mut complete): (Vec<Branch>, bool) = (Vec::new(), true);
         for selection in active.selections() {

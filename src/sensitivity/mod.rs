@@ -6,7 +6,9 @@
 //!
 //! Maps of n + k variables come from closures ([`parametric`](crate::parametric)), from complementarity problems
 //! ([`Mcp::with_parameters`](crate::complementarity::Mcp::with_parameters), [`Lcp::in_constants`](crate::complementarity::Lcp::in_constants)),
-//! from any map and the columns of its derivative in loads ([`Loaded`]), or are maps of your own. A
+//! from any map and the columns of its derivative in loads ([`Loaded`]), or are maps of your own. The map of a curve has one parameter, α: that of
+//! a [contact problem](crate::contact) its load parameter, on which coefficients of friction may depend, too; its loads are added by [`Loaded`] with
+//! columns of [`load_derivative`](crate::contact::Contact::load_derivative). A
 //! [`Solution`](crate::Solution) leads here by [`sensitivity`](crate::Solution::sensitivity).
 
 mod differentiable;
@@ -31,8 +33,12 @@ use crate::piecewise::{PiecewiseSmooth, check_vector};
 use crate::sparse::Matrix;
 use point::Solved;
 
-/// Active selections up to which kinks are examined, one factorisation each.
-const LIMIT: u64 = 4096;
+/// Active selections up to which kinks are examined, one factorisation each or a few: 4096, and of more than 64 unknowns 2¹⁸ over their number,
+/// so that an analysis takes seconds.
+fn limit(n: usize) -> u64 {
+    const UNKNOWNS: u64 = 1 << 18;
+    (UNKNOWNS / n.max(1) as u64).clamp(16, 4096)
+}
 
 /// A solution x of H(x, θ) = 0 as a function of the parameters θ, near the θ given: the derivative where there is one, one-sided ones where
 /// there is none.
@@ -41,7 +47,8 @@ const LIMIT: u64 = 4096;
 /// rounding. At a kink, where test functions of several pieces vanish, the solutions are one Lipschitz function of θ if (x, θ) ↦ (H, θ) is
 /// coherently oriented and takes no value twice to first order (D. Ralph, S. Scholtes, Math. Program. 76 (1997)), as
 /// [`implicit_function`](crate::piecewise::implicit_function) decides for one parameter; only then something is called *the* directional
-/// derivative, and elements of a generalised derivative are given. Up to 4096 active selections are examined, a factorisation each.
+/// derivative, and elements of a generalised derivative are given. Up to 4096 active selections are examined (of n > 64 unknowns 2¹⁸/n, at
+/// least 16), a few factorisations each.
 ///
 /// A test function counts as vanishing where rounding of the equations' terms may have moved it from 0.
 ///
@@ -116,7 +123,7 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
     /// to be one function the one-sided branches.
     ///
     /// # Errors
-    /// A wrong length, values that are not finite; more than 4096 active selections ([`SensitivityError::TooMany`]); a direction that rounding
+    /// A wrong length, values that are not finite; more active selections than are examined ([`SensitivityError::TooMany`]); a direction that rounding
     /// does not place in a cell.
     pub fn directional(&mut self, delta: &[f64]) -> Result<Directional, SensitivityError> {
         self.solved.directional(&self.map, delta)

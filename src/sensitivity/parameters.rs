@@ -45,8 +45,8 @@ macro_rules! same_pieces {
     };
 }
 
-/// The map H(x) + C θ in the variables (x, θ): a map of n variables with parameters of which its residuals are affine functions and its
-/// test functions do not depend.
+/// The map H(x) + C θ in the variables (x, θ), θ being parameters that its residuals are affine functions of and its test functions do not
+/// depend on, as loads of [contact problems](crate::contact). H may have parameters of its own behind its unknowns; they come first.
 ///
 /// ```
 /// use semismooth::piecewise::MinMap;
@@ -68,18 +68,21 @@ pub struct Loaded<P> {
 }
 
 impl<P: PiecewiseSmooth> Loaded<P> {
-    /// The map H (n variables, n residuals) with the columns C (n × k).
+    /// The map H (n residuals, n variables or more) with the columns C (n × k).
     ///
     /// # Errors
     /// Other shapes, entries that are not finite.
     pub fn new(map: P, columns: Matrix) -> Result<Self, PiecewiseError> {
         let n = map.num_residuals();
-        check_length("the variables of the map", map.num_vars(), n)?;
         check_length("the rows of the columns C", columns.nrows(), n)?;
         columns.check_finite().map_err(LinearError::from)?;
         let own = map.pattern();
         let entries = own.nrows() * own.ncols();
-        check_length("the declared pattern (rows times columns)", entries, n * n)?;
+        check_length(
+            "the declared pattern (rows times columns)",
+            entries,
+            n * map.num_vars(),
+        )?;
         let pattern = beside(&own, columns.pattern()).map_err(LinearError::from)?;
         Ok(Self {
             map,

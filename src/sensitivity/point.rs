@@ -1,7 +1,7 @@
 //! A solution, the kinks it lies on, and whether the solutions nearby are one function of the parameters.
 
 use super::element::{Element, derivatives, rate, widths};
-use super::{LIMIT, SensitivityError};
+use super::{SensitivityError, limit};
 use crate::linear::{AutoSolver, LinearError};
 use crate::piecewise::{
     ActiveSet, LocalUniqueness, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing,
@@ -152,7 +152,7 @@ impl Solved {
             }
             Ok(())
         };
-        let verdict = implicit_verdict(map, &self.at, &self.active, LIMIT, &mut compare)?;
+        let verdict = implicit_verdict(map, &self.at, &self.active, limit(self.n), &mut compare)?;
         Ok(match verdict {
             LocalUniqueness::Lipschitz { .. } if differ.contains(&true) => {
                 let all = probes.into_iter().zip(differ);
