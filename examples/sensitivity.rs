@@ -1,10 +1,12 @@
-//! A market with a capacity: how prices and quantities move with demand and cost, and where their derivative ends to exist.
+//! A market with a capacity: how prices and quantities move with demand and cost, and where their derivative
+//! ends to exist.
 //! You see, at five levels of demand, the equilibrium, whether it is differentiable, its one-sided derivatives, and how far each holds.
 //! Run: cargo run --release --example sensitivity
 //!
-//! A firm sells q at the price d − q, at the cost c a unit, up to a capacity of 2: with the price μ of capacity, 0 ≤ q ⟂ c + 2 q + μ − d ≥ 0
-//! and 0 ≤ μ ⟂ 2 − q ≥ 0. So q = 0 for d ≤ c, (d − c)/2 up to d = c + 4, and then 2. At d = c and d = c + 4 the derivatives to both sides
-//! differ; every number of the table is compared with these formulas.
+//! A firm sells q at the price d − q, at the cost c a unit, up to a capacity of 2: with the price μ of
+//! capacity, 0 ≤ q ⟂ c + 2 q + μ − d ≥ 0 and 0 ≤ μ ⟂ 2 − q ≥ 0. So q = 0 for d ≤ c, (d − c)/2 up to d = c +
+//! 4, and then 2. At d = c and d = c + 4 the derivatives to both sides differ; every number of the table is
+//! compared with these formulas.
 
 #[macro_use]
 mod common;

@@ -87,3 +87,25 @@ def test_bad_input_is_told():
     result = ss.solve(lambda x, p: x - p, 0.0, params=1.0)
     with pytest.raises(ss.SemismoothError, match="length"):
         result.jvp([1.0, 2.0])
+
+
+def test_contact_forces_have_derivatives_in_the_load():
+    mesh = ss.Mesh.rectangle([0, 0], [2, 1], [8, 4])
+    body = ss.Body(mesh, ss.Material(1.0, 0.3), supports={"left": [0.0, 0.0]})
+    problem = ss.ContactProblem(
+        body, "bottom", ss.Foundation.plane([0, 0], [0, 1]), 0.3, load=body.traction("top", [0.0, -0.02]), rate=body.traction("top", [0.02, 0.0])
+    )
+    solution = problem.solve(0.5)
+    assert solution.differentiable is True
+    rate, until = solution.jvp(), solution.valid_until()
+    assert rate[-1] == 1.0 and until > 0
+    step = 0.5 * min(until, solution.valid_until(-1.0), 1.0)
+    # Forces are affine functions of the load as long as no node changes its state.
+    np.testing.assert_allclose(problem.solve(0.5 + step).x, solution.x + step * rate, atol=1e-10)
+    np.testing.assert_allclose(problem.solve(0.5 - step).x, solution.x + step * solution.jvp(-1.0), atol=1e-10)
+    dx = np.arange(1.0, len(rate))
+    assert solution.vjp(dx) == pytest.approx([dx @ rate[:-1]], rel=1e-10)
+    kink = ss.follow(problem, solution, parameter_range=(0.5, 2.0)).transitions[0]
+    at = problem.at(kink.x)
+    assert at.differentiable is False
+    assert not np.allclose(at.jvp(), -at.jvp(-1.0))

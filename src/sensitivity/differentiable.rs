@@ -18,14 +18,15 @@ const GENERIC: u64 = 4;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Differentiability {
-    /// It is: no kink is so near that rounding hides it, and the derivative in the unknowns is regular; or all selections that are active at
-    /// a kink have the same derivative.
+    /// It is: no kink is so near that rounding hides it, and the derivative in the unknowns is regular; or
+    /// all selections that are active at a kink have the same derivative.
     Yes {
-        /// The least test function in multiples of what rounding may hide: above 1, infinite without kinks; 0 at a kink.
+        /// The least test function in multiples of what rounding may hide: above 1, infinite without kinks; 0
+        /// at a kink.
         margin: f64,
     },
-    /// It is not: θ is at a kink (or nearer to one than rounding shows), and the one-sided derivatives along this direction do not belong to
-    /// one linear function.
+    /// It is not: θ is at a kink (or nearer to one than rounding shows), and the one-sided derivatives along
+    /// this direction do not belong to one linear function.
     No {
         /// δ.
         direction: Vec<f64>,
@@ -49,7 +50,8 @@ pub enum DerivativeDoubt {
     },
     /// At a kink the solutions are not known to be one function of the parameters.
     NotUnique(Box<LocalUniqueness>),
-    /// Active selections have different derivatives, but no direction was found along which the solutions have a kink.
+    /// Active selections have different derivatives, but no direction was found along which the solutions
+    /// have a kink.
     Selections,
     /// Rounding hides whether derivatives differ.
     Rounding,
@@ -127,7 +129,8 @@ impl Solved {
         Ok(Differentiability::Undecided(doubt))
     }
 
-    /// A direction along which the two one-sided derivatives differ: one of those in which selections differ, or a generic one.
+    /// A direction along which the two one-sided derivatives differ: one of those in which selections differ,
+    /// or a generic one.
     fn kink(
         &self,
         map: &dyn PiecewiseSmooth,

@@ -1,4 +1,5 @@
-//! Directional derivatives at kinks: the piecewise-linear problem H′((x, θ); (v, δ)) = 0, solved selection by selection.
+//! Directional derivatives at kinks: the piecewise-linear problem H′((x, θ); (v, δ)) = 0, solved selection by
+//! selection.
 
 use std::fmt;
 
@@ -19,13 +20,16 @@ const MERGE: f64 = 1e-8;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Directional {
-    /// The solutions near θ are one function x of the parameters, with this directional derivative x′(θ; δ) (length n).
+    /// The solutions near θ are one function x of the parameters, with this directional derivative x′(θ; δ)
+    /// (length n).
     Derivative(Vec<f64>),
     /// It is not certified that they are one function.
     Branches {
-        /// The directions v in which solutions leave to first order: x + s v + o(s) at θ + s δ, s > 0. None at a fold whose curve goes back.
+        /// The directions v in which solutions leave to first order: x + s v + o(s) at θ + s δ, s > 0. None
+        /// at a fold whose curve goes back.
         branches: Vec<Vec<f64>>,
-        /// Whether all active selections were examined and none was singular or within rounding: then there are no others.
+        /// Whether no active selection was singular: then there are no others to first order, but for
+        /// rounding.
         complete: bool,
     },
 }
@@ -59,7 +63,8 @@ impl fmt::Display for Directional {
 pub(super) struct Branch {
     pub(super) selection: Selection,
     pub(super) rate: Vec<f64>,
-    /// How far the direction points into the cell of the selection: the least rate of a test function relative to its terms.
+    /// How far the direction points into the cell of the selection: the least rate of a test function
+    /// relative to its terms.
     margin: f64,
 }
 
@@ -197,8 +202,8 @@ impl Solved {
         if size > 0.0 { sum / size } else { 0.0 }
     }
 
-    /// The selections active along x + s v, θ + s δ for small s > 0, where a branch leaves, and test functions at such a point: those that
-    /// grow or fall have that sign.
+    /// The selections active along x + s v, θ + s δ for small s > 0, where a branch leaves, and test
+    /// functions at such a point: those that grow or fall have that sign.
     pub(super) fn narrowed(
         &self,
         map: &dyn PiecewiseSmooth,
@@ -220,7 +225,8 @@ impl Solved {
         ActiveSet::from_tests(map, &self.layout, theta, vanishing)
     }
 
-    /// The element of the generalised derivative by differentiation along a frame of directions, one after the other.
+    /// The element of the generalised derivative by differentiation along a frame of directions, one after
+    /// the other.
     pub(super) fn lexicographic<M: AsRef<[f64]>>(
         &self,
         map: &dyn PiecewiseSmooth,

@@ -8,15 +8,16 @@ use crate::spread::Random;
 
 /// Rows up to which the least singular value of an irregular matrix is computed, densely.
 const DENSE: usize = 500;
-/// Random signs with which the rounding of all terms is propagated, and the factor from the largest result to a bound: with fewer or smaller
-/// ones, terms that happen to cancel would be taken for certain.
+/// Random signs with which the rounding of all terms is propagated, and the factor from the largest result to
+/// a bound: with fewer or smaller ones, terms that happen to cancel would be taken for certain.
 const PROBES: usize = 4;
 const ALLOWANCE: f64 = 16.0;
 /// Roundings a term of a row.
 const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 
-/// An element of the generalised derivative of the solutions x(θ): the derivative −J⁻¹ ∂_θH (n × k) of the solutions of one selection, J
-/// being its ∂_xH. It is kept as factors of J, so that products cost one solve each.
+/// An element of the generalised derivative of the solutions x(θ): the derivative −J⁻¹ ∂_θH (n × k) of the
+/// solutions of one selection, J being its ∂_xH. It is kept as factors of J, so that products cost one solve
+/// each.
 #[derive(Debug, Clone)]
 pub struct Element {
     selection: Selection,
@@ -54,7 +55,8 @@ impl Element {
         &self.selection
     }
 
-    /// The product with a change δ of the parameters (length k): the change of the solution to first order (length n).
+    /// The product with a change δ of the parameters (length k): the change of the solution to first order
+    /// (length n).
     ///
     /// # Errors
     /// A wrong length, values that are not finite; a solve whose residual is not small.
@@ -64,7 +66,8 @@ impl Element {
         Ok(rate(&self.jacobian, &mut self.solver, delta)?)
     }
 
-    /// The product of the transpose with w (length n), the gradient of a function of the solution: its gradient in the parameters (length k).
+    /// The product of the transpose with w (length n), the gradient of a function of the solution: its
+    /// gradient in the parameters (length k).
     ///
     /// # Errors
     /// As [`jvp`](Self::jvp).
@@ -154,8 +157,8 @@ fn finite(v: &[f64]) -> Result<(), PiecewiseError> {
     check_vector("the derivative of the solution", v, v.len())
 }
 
-/// How far roundings of the terms of J v + ∂_θH δ, d = (v, δ), move its zero v, component by component: |J⁻¹| |(J, ∂_θH)| |d| ε, from a few
-/// solves with random signs. Independent of the units of rows and variables.
+/// How far roundings of the terms of J v + ∂_θH δ, d = (v, δ), move its zero v, component by component: |J⁻¹|
+/// |(J, ∂_θH)| |d| ε, from a few solves with random signs. Independent of the units of rows and variables.
 pub(super) fn widths(jacobian: &Matrix, solver: &mut AutoSolver, d: &[f64]) -> Result<Vec<f64>, LinearError> {
     let n = jacobian.nrows();
     let mut terms = vec![0.0; n];

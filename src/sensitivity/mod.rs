@@ -1,15 +1,18 @@
 //! Derivatives of solutions in the parameters of their equations.
 //!
-//! The solutions x of H(x, θ) = 0, n equations in n unknowns and k parameters, are piecewise smooth functions of θ where they are unique
-//! nearby. [`Sensitivity`] says whether they are differentiable at a solution, gives products with the derivative and its transpose, at kinks
-//! the directional derivatives and elements of the generalised derivative, and the range within which a piece holds.
+//! The solutions x of H(x, θ) = 0, n equations in n unknowns and k parameters, are piecewise smooth functions
+//! of θ where they are unique nearby. [`Sensitivity`] says whether they are differentiable at a solution,
+//! gives products with the derivative and its transpose, at kinks the directional derivatives and elements of
+//! the generalised derivative, and the range within which a piece holds.
 //!
-//! Maps of n + k variables come from closures ([`parametric`](crate::parametric)), from complementarity problems
-//! ([`Mcp::with_parameters`](crate::complementarity::Mcp::with_parameters), [`Lcp::in_constants`](crate::complementarity::Lcp::in_constants)),
-//! from any map and the columns of its derivative in loads ([`Loaded`]), or are maps of your own. The map of a curve has one parameter, α: that of
-//! a [contact problem](crate::contact) its load parameter, on which coefficients of friction may depend, too; its loads are added by [`Loaded`] with
-//! columns of [`load_derivative`](crate::contact::Contact::load_derivative). A
-//! [`Solution`](crate::Solution) leads here by [`sensitivity`](crate::Solution::sensitivity).
+//! Maps of n + k variables come from closures ([`parametric`](crate::parametric)), from complementarity
+//! problems ([`Mcp::with_parameters`](crate::complementarity::Mcp::with_parameters),
+//! [`Lcp::in_constants`](crate::complementarity::Lcp::in_constants)), from any map and the columns of its
+//! derivative in loads ([`Loaded`]), or are maps of your own. The map of a curve has one parameter, α: that
+//! of a [contact problem](crate::contact) its load parameter, on which coefficients of friction may depend,
+//! too; its loads are added by [`Loaded`] with columns of
+//! [`load_derivative`](crate::contact::Contact::load_derivative). A [`Solution`](crate::Solution) leads here
+//! by [`sensitivity`](crate::Solution::sensitivity).
 
 mod differentiable;
 mod directional;
@@ -33,22 +36,23 @@ use crate::piecewise::{PiecewiseSmooth, check_vector};
 use crate::sparse::Matrix;
 use point::Solved;
 
-/// Active selections up to which kinks are examined, one factorisation each or a few: 4096, and of more than 64 unknowns 2¹⁸ over their number,
-/// so that an analysis takes seconds.
+/// Active selections up to which kinks are examined, one factorisation each or a few: 4096, and of more than
+/// 64 unknowns 2¹⁸ over their number, so that an analysis takes seconds.
 fn limit(n: usize) -> u64 {
     const UNKNOWNS: u64 = 1 << 18;
     (UNKNOWNS / n.max(1) as u64).clamp(16, 4096)
 }
 
-/// A solution x of H(x, θ) = 0 as a function of the parameters θ, near the θ given: the derivative where there is one, one-sided ones where
-/// there is none.
+/// A solution x of H(x, θ) = 0 as a function of the parameters θ, near the θ given: the derivative where
+/// there is one, one-sided ones where there is none.
 ///
-/// H is a map of n residuals and n + k variables, the unknowns and behind them the parameters. Its derivatives are taken for exact but for
-/// rounding. At a kink, where test functions of several pieces vanish, the solutions are one Lipschitz function of θ if (x, θ) ↦ (H, θ) is
-/// coherently oriented and takes no value twice to first order (D. Ralph, S. Scholtes, Math. Program. 76 (1997)), as
-/// [`implicit_function`](crate::piecewise::implicit_function) decides for one parameter; only then something is called *the* directional
-/// derivative, and elements of a generalised derivative are given. Up to 4096 active selections are examined (of n > 64 unknowns 2¹⁸/n, at
-/// least 16), a few factorisations each.
+/// H is a map of n residuals and n + k variables, the unknowns and behind them the parameters. Its
+/// derivatives are taken for exact but for rounding. At a kink, where test functions of several pieces
+/// vanish, the solutions are one Lipschitz function of θ if (x, θ) ↦ (H, θ) is coherently oriented and takes
+/// no value twice to first order (D. Ralph, S. Scholtes, Math. Program. 76 (1997)), as
+/// [`implicit_function`](crate::piecewise::implicit_function) decides for one parameter; only then something
+/// is called *the* directional derivative, and elements of a generalised derivative are given. Up to 4096
+/// active selections are examined (of n > 64 unknowns 2¹⁸/n, at least 16), a few factorisations each.
 ///
 /// A test function counts as vanishing where rounding of the equations' terms may have moved it from 0.
 ///
@@ -78,13 +82,13 @@ pub struct Sensitivity<P> {
 }
 
 impl<P: PiecewiseSmooth> Sensitivity<P> {
-    /// The solution x (length n) at parameters θ (length k). It is corrected by Newton's method to rounding, by at most 1e-5 of the largest
-    /// variable.
+    /// The solution x (length n) at parameters θ (length k). It is corrected by Newton's method to rounding,
+    /// by at most 1e-5 of the largest variable.
     ///
     /// # Errors
-    /// Wrong lengths, values or derivatives that are not finite, a map without parameters or with one that enters nowhere
-    /// ([`SensitivityError::NotEntering`]); a point that is no solution ([`SensitivityError::NoSolution`]) or an irregular one
-    /// ([`SensitivityError::Irregular`]).
+    /// Wrong lengths, values or derivatives that are not finite, a map without parameters or with one that
+    /// enters nowhere ([`SensitivityError::NotEntering`]); a point that is no solution
+    /// ([`SensitivityError::NoSolution`]) or an irregular one ([`SensitivityError::Irregular`]).
     pub fn new(map: P, x: &[f64], parameters: &[f64]) -> Result<Self, SensitivityError> {
         let solved = Solved::new(&map, x, parameters)?;
         Ok(Self {
@@ -119,17 +123,18 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
         self.solved.differentiability(&self.map)
     }
 
-    /// How the solution moves along a change δ of the parameters (length k): the directional derivative, or where the solutions are not known
-    /// to be one function the one-sided branches.
+    /// How the solution moves along a change δ of the parameters (length k): the directional derivative, or
+    /// where the solutions are not known to be one function the one-sided branches.
     ///
     /// # Errors
-    /// A wrong length, values that are not finite; more active selections than are examined ([`SensitivityError::TooMany`]); a direction that rounding
-    /// does not place in a cell.
+    /// A wrong length, values that are not finite; more active selections than are examined
+    /// ([`SensitivityError::TooMany`]); a direction that rounding does not place in a cell.
     pub fn directional(&mut self, delta: &[f64]) -> Result<Directional, SensitivityError> {
         self.solved.directional(&self.map, delta)
     }
 
-    /// The directional derivative x′(θ; δ) (length n): where x is differentiable the product of its derivative with δ.
+    /// The directional derivative x′(θ; δ) (length n): where x is differentiable the product of its
+    /// derivative with δ.
     ///
     /// # Errors
     /// As [`directional`](Self::directional); [`SensitivityError::NotUnique`] where that gives branches.
@@ -149,8 +154,9 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
         }
     }
 
-    /// The product of the transposed derivative with w (length n): for the gradient w of a function of x its gradient in θ (length k). At kinks
-    /// the derivative is the [`element`](Self::element) along the unit vectors. One solve, on factors that are kept.
+    /// The product of the transposed derivative with w (length n): for the gradient w of a function of x its
+    /// gradient in θ (length k). At kinks the derivative is the [`element`](Self::element) along the unit
+    /// vectors. One solve, on factors that are kept.
     ///
     /// # Errors
     /// A wrong length, values that are not finite; otherwise as [`element`](Self::element).
@@ -161,7 +167,8 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
     /// The derivative ∂x/∂θ (n × k).
     ///
     /// # Errors
-    /// [`SensitivityError::NotDifferentiable`] where x is not known to be differentiable; solves whose residual is not small.
+    /// [`SensitivityError::NotDifferentiable`] where x is not known to be differentiable; solves whose
+    /// residual is not small.
     pub fn derivative(&mut self) -> Result<Matrix, SensitivityError> {
         match self.differentiable()? {
             Differentiability::Yes { .. } => self.kept()?.matrix(),
@@ -169,14 +176,17 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
         }
     }
 
-    /// The lexicographic derivative along a frame of k linearly independent directions: the linear function that is left after
-    /// x has been differentiated along the first direction, the result along the second one and so on (Yu. Nesterov, Math. Program. 104 (2005);
-    /// K. A. Khan, P. I. Barton, Optim. Methods Softw. 30 (2015)). It is an element of the generalised derivative that bundle methods take,
-    /// while the derivative of an arbitrary active selection need not be one. Where x is differentiable it is the derivative.
+    /// The lexicographic derivative along a frame of k linearly independent directions: the linear function
+    /// that is left after x has been differentiated along the first direction, the result along the second
+    /// one and so on (Yu. Nesterov, Math. Program. 104 (2005); K. A. Khan, P. I. Barton, Optim. Methods
+    /// Softw. 30 (2015)). It is an element of the generalised derivative that bundle methods take, while the
+    /// derivative of an arbitrary active selection need not be one. Where x is differentiable it is the
+    /// derivative.
     ///
     /// # Errors
-    /// Wrong lengths, directions that are not linearly independent ([`SensitivityError::Frame`]); [`SensitivityError::NotUnique`] where the
-    /// solutions are not known to be one function; a direction that rounding does not place in a cell.
+    /// Wrong lengths, directions that are not linearly independent ([`SensitivityError::Frame`]);
+    /// [`SensitivityError::NotUnique`] where the solutions are not known to be one function; a direction that
+    /// rounding does not place in a cell.
     pub fn element<V: AsRef<[f64]>>(&self, frame: &[V]) -> Result<Element, SensitivityError> {
         let k = self.solved.num_parameters();
         for direction in frame {
@@ -194,13 +204,13 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
         self.solved.lexicographic(&self.map, frame.iter())
     }
 
-    /// How far along δ (length k) the solutions x(θ + s δ), s > 0, stay on the piece that the directional derivative belongs to. For maps
-    /// that are [affine on each piece](PiecewiseSmooth::is_piecewise_affine) a ratio test decides; for others the curve of solutions is followed
-    /// up to s = `horizon`.
+    /// How far along δ (length k) the solutions x(θ + s δ), s > 0, stay on the piece that the directional
+    /// derivative belongs to. For maps that are [affine on each piece](PiecewiseSmooth::is_piecewise_affine)
+    /// a ratio test decides; for others the curve of solutions is followed up to s = `horizon`.
     ///
     /// # Errors
-    /// A wrong length, values that are not finite, a horizon that is not positive; [`SensitivityError::NotUnique`] at kinks; failures of the
-    /// [continuation](crate::continuation).
+    /// A wrong length, values that are not finite, a horizon that is not positive;
+    /// [`SensitivityError::NotUnique`] at kinks; failures of the [continuation](crate::continuation).
     pub fn valid_until(&mut self, delta: &[f64], horizon: f64) -> Result<Validity, SensitivityError> {
         self.solved.valid_until(&self.map, delta, horizon)
     }

@@ -45,8 +45,9 @@ macro_rules! same_pieces {
     };
 }
 
-/// The map H(x) + C θ in the variables (x, θ), θ being parameters that its residuals are affine functions of and its test functions do not
-/// depend on, as loads of [contact problems](crate::contact). H may have parameters of its own behind its unknowns; they come first.
+/// The map H(x) + C θ in the variables (x, θ), θ being parameters that its residuals are affine functions of
+/// and its test functions do not depend on, as loads of [contact problems](crate::contact). H may have
+/// parameters of its own behind its unknowns; they come first.
 ///
 /// ```
 /// use semismooth::piecewise::MinMap;

@@ -12,7 +12,8 @@ use crate::spread::Random;
 
 /// Steps of Newton's method that move the point given to the solution it is an approximation of.
 const STEPS: usize = 12;
-/// How far they may move it, relative to the largest of all variables and the typical size of its own: solvers stop at 1e-8 or below.
+/// How far they may move it, relative to the largest of all variables and the typical size of its own:
+/// solvers stop at 1e-8 or below.
 const NEAR: f64 = 1e-5;
 /// Steps that are this small against the same size and do not become smaller are noise of the function.
 const NOISE: f64 = 1e-8;
@@ -21,7 +22,8 @@ const ROUNDED: f64 = 64.0 * f64::EPSILON;
 /// Random directions from which the rounding of test functions is found, and the factor to a bound.
 const PROBES: usize = 6;
 const ALLOWANCE: f64 = 8.0;
-/// Parameters up to which the derivatives of selections are compared column by column; of more, along random combinations.
+/// Parameters up to which the derivatives of selections are compared column by column; of more, along random
+/// combinations.
 const COLUMNS: usize = 64;
 const COMBINATIONS: u64 = 8;
 /// Multiples of the rounding of two rates up to which they agree, and from which they differ.
@@ -229,7 +231,8 @@ fn check_entering(
     Ok(())
 }
 
-/// Moves a point to the solution it is near, and returns by how much roundings of the equations' terms may move that.
+/// Moves a point to the solution it is near, and returns by how much roundings of the equations' terms may
+/// move that.
 fn polish(
     map: &dyn PiecewiseSmooth,
     layout: &TestLayout,
@@ -293,8 +296,8 @@ pub(super) fn spreads(at: &[f64], widths: &[f64]) -> Vec<f64> {
     own.zip(widths).map(|(own, w)| own + w).collect()
 }
 
-/// What each test function may change by where each variable moves by its `spread`: from derivatives along random directions. With a
-/// selection those of its own test functions.
+/// What each test function may change by where each variable moves by its `spread`: from derivatives along
+/// random directions. With a selection those of its own test functions.
 pub(super) fn hidden(
     map: &dyn PiecewiseSmooth,
     layout: &TestLayout,

@@ -18,10 +18,11 @@ const START: f64 = 1e-9;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Validity {
-    /// Up to this s, exactly but for rounding: the map is affine on each piece and the solutions are x + s x′(θ; δ). Infinite where they never
-    /// meet a kink.
+    /// Up to this s, exactly but for rounding: the map is affine on each piece and the solutions are x + s
+    /// x′(θ; δ). Infinite where they never meet a kink.
     Exact(f64),
-    /// Up to this s, where the first kink, fold or branch point was met along the curve of solutions, which is followed in steps.
+    /// Up to this s, where the first kink, fold or branch point was met along the curve of solutions, which
+    /// is followed in steps.
     Followed(f64),
     /// No kink was met up to this s, the horizon of the search.
     Beyond(f64),

@@ -11,7 +11,8 @@ use semismooth::sparse::Matrix;
 
 use super::random::Random;
 
-/// A block held at its left side, pressed down and pushed to the right; the load is `constant` plus α times the push.
+/// A block held at its left side, pressed down and pushed to the right; the load is `constant` plus α times
+/// the push.
 struct Block {
     body: Box<dyn Fn(&[f64]) -> ContactBody>,
     /// Pressure on the top, and a traction along it.
@@ -54,8 +55,8 @@ fn solved(body: ContactBody, slope: f64, alpha: f64) -> (FullContact<PlanarCoulo
     (full, x)
 }
 
-/// Derivatives in α, which changes load and friction, and in two loads are those of differences; the condensed form has the same ones; the
-/// adjoint is exact.
+/// Derivatives in α, which changes load and friction, and in two loads are those of differences; the
+/// condensed form has the same ones; the adjoint is exact.
 #[test]
 fn derivatives_in_loads_and_friction_are_differences() {
     let (block, alpha) = (block(), 0.5);
@@ -127,7 +128,8 @@ fn derivatives_in_loads_and_friction_are_differences() {
     }
 }
 
-/// Where a node begins to slip the forces have two one-sided derivatives: the slopes of the branch on both sides.
+/// Where a node begins to slip the forces have two one-sided derivatives: the slopes of the branch on both
+/// sides.
 #[test]
 fn transitions_have_the_slopes_of_both_sides() {
     let block = block();

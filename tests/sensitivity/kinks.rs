@@ -85,7 +85,8 @@ fn folds_are_not_called_differentiable() {
     );
 }
 
-/// The lexicographic derivative along a frame (m₁, m₂, …) is the derivative at θ + ε m₁ + ε² m₂ + …, where the solution is smooth.
+/// The lexicographic derivative along a frame (m₁, m₂, …) is the derivative at θ + ε m₁ + ε² m₂ + …, where
+/// the solution is smooth.
 #[test]
 fn elements_are_derivatives_at_points_nearby() {
     for seed in 0..40 {
@@ -153,7 +154,8 @@ fn units_do_not_matter() {
     }
 }
 
-/// A solution that a solver found to 1e-9 is at the kink that its exact counterpart is at; one that is 1e-7 away from a kink is not.
+/// A solution that a solver found to 1e-9 is at the kink that its exact counterpart is at; one that is 1e-7
+/// away from a kink is not.
 #[test]
 fn kinks_are_told_from_points_near_them() {
     let map = || parametric(1, 1, |x, p| vec![2.0 * x[0] + x[0].abs() + x[0].powi(3) - p[0]]);

@@ -7,7 +7,8 @@ use semismooth::{parametric, solve_lcp};
 
 use super::random::Random;
 
-/// The ratio test of random problems: just before its end the solution is the extrapolated one, just after it is not.
+/// The ratio test of random problems: just before its end the solution is the extrapolated one, just after it
+/// is not.
 #[test]
 fn affine_problems_hold_exactly_up_to_the_next_kink() {
     let mut finite = 0;

@@ -8,7 +8,8 @@ use semismooth::{parametric, parametric_mcp};
 
 use super::random::Random;
 
-/// Derivatives of an equilibrium with bounds are those of differences, and products with the transpose those of products with the matrix.
+/// Derivatives of an equilibrium with bounds are those of differences, and products with the transpose those
+/// of products with the matrix.
 #[test]
 fn derivatives_are_differences_and_the_adjoint_is_exact() {
     let (lower, upper) = ([0.0; 3], [f64::INFINITY, 2.0, f64::INFINITY]);
@@ -70,8 +71,8 @@ fn derivatives_are_differences_and_the_adjoint_is_exact() {
     }
 }
 
-/// A large sparse problem: the obstacle problem −u″ = θ₁ + θ₂ t, u ≥ 0, whose contact set does not change with small changes; its
-/// derivative solves the same equation where u > 0.
+/// A large sparse problem: the obstacle problem −u″ = θ₁ + θ₂ t, u ≥ 0, whose contact set does not change
+/// with small changes; its derivative solves the same equation where u > 0.
 #[test]
 fn large_sparse_problems_are_differentiated_on_sparse_factors() {
     let n = 2000;
