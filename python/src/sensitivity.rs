@@ -7,7 +7,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use semismooth::piecewise::Traced;
-use semismooth::sensitivity::{Differentiability, Directional};
+use semismooth::sensitivity::Directional;
 use semismooth::sparse::Matrix;
 
 use crate::arrays::{bound, counted, dense, matrix, rows, start};
@@ -167,17 +167,11 @@ impl Sensitivity {
     }
 
     fn __repr__(&self) -> String {
-        let known = lock(&self.found).as_mut().map(Found::differentiable);
-        let told = match known {
-            Some(Ok(Differentiability::Yes { .. })) => ", differentiable",
-            Some(Ok(Differentiability::No { .. })) => ", not differentiable",
-            _ => "",
-        };
         let (n, k) = (
             counted(self.x.len(), "unknown"),
             counted(self.params.len(), "parameter"),
         );
-        format!("<Sensitivity of {n} to {k}{told}>")
+        format!("<Sensitivity of {n} to {k}>")
     }
 }
 

@@ -64,9 +64,9 @@ def test_the_range_is_that_of_the_piece():
 
 def test_fixed_and_one_sided_bounds_are_those_of_the_problem():
     lower, upper = [1.0, -np.inf, -np.inf, 0.0], [1.0, 2.0, np.inf, 1.0]
-    result = ss.solve_mcp(lambda x, p: x - p, lower, upper, np.ones(4), params=[5.0, 5.0, 5.0, 0.5])
+    result = ss.solve_mcp(lambda x, p: [x[0] - p[0], x[1] - p[0], x[2] - p[0], x[3] - p[1]], lower, upper, np.ones(4), params=[5.0, 0.5])
     np.testing.assert_allclose(result.x, [1.0, 2.0, 5.0, 0.5])
-    np.testing.assert_allclose(result.derivative(), np.diag([0.0, 0.0, 1.0, 1.0]), atol=1e-15)
+    np.testing.assert_allclose(result.derivative(), [[0, 0], [0, 0], [1, 0], [0, 1]], atol=1e-15)
 
 
 def test_bad_input_is_told():
