@@ -4,8 +4,11 @@
 use std::fmt;
 
 use super::element::Element;
+use super::parameters::Line;
 use super::point::{Solved, Verdict};
 use super::{SensitivityError, limit};
+use crate::continuation::ContinuationError;
+use crate::enumeration::{DirectionalArm, EnumerationOptions, all_arms};
 use crate::linear::LinearError;
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, check_vector};
 use crate::sparse::max_abs;
@@ -13,6 +16,8 @@ use crate::words::Count;
 
 /// Rate of a test function, relative to its terms, below which a direction runs along its zero set.
 const TANGENTIAL: f64 = 1e-9;
+/// Nodes of the search where too many selections are active to examine each: seconds.
+const NODES: u64 = 20_000;
 /// Largest difference, relative to the largest entry, of two branches that are one.
 const MERGE: f64 = 1e-8;
 
@@ -83,11 +88,12 @@ impl Solved {
             let branch = self.branch(map, &self.active, delta)?;
             return Ok(Directional::Derivative(branch.rate));
         }
-        let (list, complete) = self.all_branches(map, delta)?;
-        Ok(Directional::Branches {
-            branches: list.into_iter().map(|b| b.rate).collect(),
-            complete,
-        })
+        let many = self.active.total().is_none_or(|t| t > u128::from(limit(self.n)));
+        let (branches, complete) = match many {
+            true => self.searched(map, delta)?,
+            false => self.all_branches(map, delta)?,
+        };
+        Ok(Directional::Branches { branches, complete })
     }
 
     /// The only branch along δ, of the selections of `active`.
@@ -121,12 +127,8 @@ impl Solved {
         &self,
         map: &dyn PiecewiseSmooth,
         delta: &[f64],
-    ) -> Result<(Vec<Branch>, bool), SensitivityError> {
+    ) -> Result<(Vec<Vec<f64>>, bool), SensitivityError> {
         let active = &self.active;
-        let (total, limit) = (active.total(), limit(self.n));
-        if total.is_none_or(|t| t > u128::from(limit)) {
-            return Err(SensitivityError::TooMany { active: total, limit });
-        }
         let (mut list, mut complete): (Vec<Branch>, bool) = (Vec::new(), true);
         for selection in active.selections() {
             let found = match self.candidate(map, active, selection, delta) {
@@ -145,7 +147,28 @@ impl Solved {
                 list.push(found);
             }
         }
-        Ok((list, complete))
+        Ok((list.into_iter().map(|b| b.rate).collect(), complete))
+    }
+
+    /// All branches along δ by the pruned search for arms of the curve H(x, θ + s δ) = 0, or by its pivots where
+    /// that problem is a definite complementarity problem in the directions of the degenerate sites.
+    fn searched(
+        &self,
+        map: &dyn PiecewiseSmooth,
+        delta: &[f64],
+    ) -> Result<(Vec<Vec<f64>>, bool), SensitivityError> {
+        let line = Line::new(map, &self.at[self.n..], delta, 1.0)?;
+        let mut start = self.at[..self.n].to_vec();
+        start.push(0.0);
+        let options = EnumerationOptions::default().with_max_nodes(NODES);
+        let found = all_arms(&line, &start, &options).map_err(ContinuationError::from)?;
+        let ahead = found.arms.iter().filter(|arm| arm.rate() > 0.0);
+        let branch = |arm: &DirectionalArm| {
+            let along = arm.tangent[..self.n].iter();
+            along.map(|t| t / arm.rate()).collect()
+        };
+        let complete = !found.completeness.has_gaps() && found.unresolved.is_empty();
+        Ok((ahead.map(branch).collect(), complete))
     }
 
     /// What a selection gives along δ, and how far that points into its cell.

@@ -79,14 +79,6 @@ pub enum SensitivityError {
         /// Number of parameters.
         expected: usize,
     },
-    /// More selections are active than are examined one by one.
-    #[error("{} selections are active at this kink, more than the {limit} that are examined", active.map_or("very many".to_owned(), |a| a.to_string()))]
-    TooMany {
-        /// How many, if the number does not overflow.
-        active: Option<u128>,
-        /// The limit.
-        limit: u64,
-    },
     /// Rounding hides into which cell a direction points.
     #[error("rounding hides on which side of a kink the solutions go on")]
     Rounding,

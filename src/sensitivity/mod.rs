@@ -126,9 +126,11 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
     /// How the solution moves along a change δ of the parameters (length k): the directional derivative, or
     /// where the solutions are not known to be one function the one-sided branches.
     ///
+    /// Where more selections are active than are examined one by one, branches come from the pruned search of
+    /// [`all_arms`](crate::enumeration::all_arms), or from its pivots.
+    ///
     /// # Errors
-    /// A wrong length, values that are not finite; more active selections than are examined
-    /// ([`SensitivityError::TooMany`]); a direction that rounding does not place in a cell.
+    /// A wrong length, values that are not finite; a direction that rounding does not place in a cell.
     pub fn directional(&mut self, delta: &[f64]) -> Result<Directional, SensitivityError> {
         self.solved.directional(&self.map, delta)
     }

@@ -127,6 +127,15 @@ impl Solved {
 
     /// Whether the solutions nearby are one function, and the active selections have one derivative.
     fn examined(&self, map: &dyn PiecewiseSmooth) -> Result<Verdict, SensitivityError> {
+        let total = self.active.total();
+        if total.is_none_or(|t| t > u128::from(limit(self.n))) {
+            // The first ones of so many say nothing.
+            return Ok(Verdict::Other(LocalUniqueness::Undecided {
+                examined: 0,
+                total,
+                at_least: 0.0,
+            }));
+        }
         let probes = probes(self.num_parameters());
         let mut first: Vec<(Vec<f64>, Vec<f64>)> = Vec::new();
         let (mut differ, mut unclear) = (vec![false; probes.len()], false);
@@ -134,6 +143,9 @@ impl Solved {
         let mut compare = |selection: &Selection, solver: &mut AutoSolver| {
             derivatives(map, &self.at, selection, &mut jacobian)?;
             for (k, probe) in probes.iter().enumerate() {
+                if differ[k] {
+                    continue;
+                }
                 let found = rate(&jacobian, solver, probe).and_then(|v| {
                     let mut d = v.clone();
                     d.extend(probe);

@@ -166,3 +166,24 @@ fn kinks_are_told_from_points_near_them() {
     assert_eq!(found.differentiable().unwrap().known(), Some(true));
     assert!((found.jvp(&[1.0]).unwrap()[0] - 1.0 / 3.0).abs() < 1e-10);
 }
+
+/// Forty components at their kinks, 2⁴⁰ selections: z(δ) of a definite matrix at z = w = 0 solves the problem of δ
+/// itself, and the branch found by pivots is that of the solver.
+#[test]
+fn many_kinks_are_solved_by_pivots() {
+    let n = 40;
+    let random = &mut Random::new(7);
+    let mut rows = random.square(n);
+    (0..n).for_each(|i| rows[i][i] += 20.0);
+    let matrix = Matrix::from_rows(&rows).unwrap();
+    let lcp = Lcp::new(matrix.clone(), vec![0.0; n]).unwrap();
+    let map = lcp.in_constants(&Matrix::identity(n)).unwrap();
+    let mut found = Sensitivity::new(map, &vec![0.0; n], &vec![0.0; n]).unwrap();
+    let delta = random.vector(n, 1.0);
+    let Directional::Branches { branches, complete } = found.directional(&delta).unwrap() else {
+        panic!("uniqueness is certified by all selections alone");
+    };
+    let exact = semismooth::solve_lcp(matrix, &delta).unwrap().x;
+    assert!(complete && branches.len() == 1);
+    assert!(exact.iter().zip(&branches[0]).all(|(a, b)| (a - b).abs() < 1e-11));
+}
