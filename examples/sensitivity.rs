@@ -15,9 +15,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use common::Outcome;
-use semismooth::complementarity::McpSolver;
-use semismooth::parametric_mcp;
-use semismooth::sensitivity::Sensitivity;
+use semismooth::piecewise::Expression;
+use semismooth::{parametric_mcp, solve_mcp};
 
 /// A market with a capacity, its derivatives and their ranges.
 #[derive(Parser)]
@@ -36,31 +35,30 @@ fn exact(demand: f64) -> [f64; 2] {
     [free.min(CAPACITY), (demand - COST - 2.0 * CAPACITY).max(0.0)]
 }
 
+/// F(x, p) for x = (q, μ) and p = (d, c).
+fn market<'a>(x: &[Expression<'a>], p: &[Expression<'a>]) -> Vec<Expression<'a>> {
+    vec![p[1] + 2.0 * x[0] + x[1] - p[0], CAPACITY - x[0]]
+}
+
 fn run(_: &Arguments) -> Outcome<()> {
-    let market = parametric_mcp(
-        2,
-        |x, p| vec![p[1] + 2.0 * x[0] + x[1] - p[0], CAPACITY - x[0]],
-        &[0.0; 2],
-        &[f64::INFINITY; 2],
-    )?;
+    let (lower, upper) = ([0.0; 2], [f64::INFINITY; 2]);
     println!(
         "demand  quantity  capacity's price  differentiable  derivative of q: up, down  holds: up, down"
     );
     for demand in [0.0, COST, 3.0, COST + 2.0 * CAPACITY, 6.0] {
         let p = [demand, COST];
-        let mut x = [1.0, 1.0];
-        let solved = McpSolver::default()
-            .solve(&market.at_parameters(&p)?, &mut x)?
-            .is_solved();
-        let mut found = Sensitivity::new(&market, &x, &p)?;
+        let solution = solve_mcp(|x| market(x, &p.map(Expression::from)), &lower, &upper, &[1.0; 2])?;
+        let x = &solution.x;
+        let map = parametric_mcp(2, market, &lower, &upper)?;
+        let mut found = solution.sensitivity(map, &p)?;
         let known = found.differentiable()?.known();
         let sides = [[1.0, 0.0], [-1.0, 0.0]];
         let mut rates = Vec::new();
         let mut ranges = Vec::new();
-        let mut right = solved;
+        let mut right = true;
         for delta in sides {
             let rate = found.jvp(&delta)?;
-            // The horizon is of no account: the map is affine on each piece.
+            // The map is affine on each piece: the ranges are exact, whatever the horizon.
             let range = found.valid_until(&delta, 1.0)?.until();
             let step = range.min(1.0);
             let ahead = exact(demand + step * delta[0]);

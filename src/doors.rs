@@ -4,7 +4,7 @@
 use std::fmt;
 
 use crate::complementarity::{
-    AffineFunction, Autodiff, ComplementarityError, Lcp, Mcp, McpReport, McpSolver,
+    AffineFunction, Autodiff, ComplementarityError, Lcp, Mcp, McpReport, McpSolver, check_bounds,
 };
 use crate::cones::{Cone, ConeError, ConeProblem, ConeReport, ConeSolver};
 use crate::contact::{ContactBody, ContactError, LoadPath};
@@ -67,8 +67,8 @@ where
     }))
 }
 
-/// The mixed complementarity problem of a smooth function F(x, p) of n = `lower.len()` unknowns and k parameters, for
-/// [`Solution::sensitivity`]; [`Mcp::at_parameters`] is the problem at values of p.
+/// The map x − mid(l, u, x − F(x, p)) of n = `lower.len()` unknowns and k parameters, whose zeros are the solutions of the mixed complementarity
+/// problem of F and these bounds, for [`Solution::sensitivity`]. F may have kinks of its own.
 ///
 /// # Errors
 /// Another number of values than bounds, bounds that cross.
@@ -77,16 +77,45 @@ pub fn parametric_mcp<F>(
     function: F,
     lower: &[f64],
     upper: &[f64],
-) -> Result<Mcp<Autodiff<Formula>>, ComplementarityError>
+) -> Result<Traced<Formula>, ComplementarityError>
 where
     F: for<'a> FnOnce(&[Expression<'a>], &[Expression<'a>]) -> Vec<Expression<'a>>,
 {
     let n = lower.len();
-    let formula = Formula::new(n + num_parameters, |all| {
-        let (x, p) = all.split_at(n);
-        function(x, p)
+    check_bounds(lower, upper, n)?;
+    let map = parametric(n, num_parameters, |x, p| {
+        let values = function(x, p).into_iter().enumerate();
+        let row = |(i, f)| natural_row(x.get(i).copied(), f, lower.get(i), upper.get(i));
+        values.map(row).collect()
     });
-    Mcp::with_parameters(Autodiff::new(formula), lower.to_vec(), upper.to_vec())
+    match map.num_residuals() == n {
+        true => Ok(map),
+        false => Err(ComplementarityError::Dimensions {
+            vars: n,
+            values: map.num_residuals(),
+            expected: "an MCP has as many values as unknowns, besides its parameters",
+        }),
+    }
+}
+
+/// x − mid(l, u, x − f): f itself without bounds.
+fn natural_row<'a>(
+    x: Option<Expression<'a>>,
+    f: Expression<'a>,
+    lower: Option<&f64>,
+    upper: Option<&f64>,
+) -> Expression<'a> {
+    let finite = |bound: Option<&f64>| bound.copied().filter(|b| b.is_finite());
+    let Some(x) = x else {
+        return f;
+    };
+    match (finite(lower), finite(upper)) {
+        (None, None) => f,
+        (Some(l), Some(u)) if l == u => x - l,
+        (Some(l), Some(u)) => x - (x - f).project(l, u),
+        (Some(l), None) => x - (x - f).max(l),
+        (None, Some(u)) => x - (x - f).min(u),
+    }
 }
 
 /// Why a problem is not solved. Its `Debug` is as short as its text, so that a `main` which returns it prints a line.

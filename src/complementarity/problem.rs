@@ -265,7 +265,7 @@ impl Mcp<AffineFunction> {
 }
 
 /// Bounds of length n that leave a value to each of their variables.
-pub(super) fn check_bounds(lower: &[f64], upper: &[f64], n: usize) -> Result<(), ComplementarityError> {
+pub(crate) fn check_bounds(lower: &[f64], upper: &[f64], n: usize) -> Result<(), ComplementarityError> {
     for (what, bound, wrong, free) in [
         ("lower", lower, f64::INFINITY, "-inf"),
         ("upper", upper, f64::NEG_INFINITY, "+inf"),

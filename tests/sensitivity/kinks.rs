@@ -187,3 +187,22 @@ fn many_kinks_are_solved_by_pivots() {
     assert!(complete && branches.len() == 1);
     assert!(exact.iter().zip(&branches[0]).all(|(a, b)| (a - b).abs() < 1e-11));
 }
+
+/// Kinks of F count as well as those of the bounds: 0 ≤ x ⟂ 2 x + |x − 1| − p ≥ 0 at x = 1, p = 2.
+#[test]
+fn kinks_of_the_function_of_a_complementarity_problem_count() {
+    let free = [f64::INFINITY];
+    let map = semismooth::parametric_mcp(
+        1,
+        |x, p| vec![2.0 * x[0] + (x[0] - 1.0).abs() - p[0]],
+        &[0.0],
+        &free,
+    )
+    .unwrap();
+    let mut found = Sensitivity::new(map, &[1.0], &[2.0]).unwrap();
+    assert_eq!(found.differentiable().unwrap().known(), Some(false));
+    assert!((found.jvp(&[1.0]).unwrap()[0] - 1.0 / 3.0).abs() < 1e-14);
+    assert!((found.jvp(&[-1.0]).unwrap()[0] + 1.0).abs() < 1e-14);
+    assert!(semismooth::parametric_mcp(1, |x, p| vec![x[0] - p[0]], &[1.0], &[0.0]).is_err());
+    assert!(semismooth::parametric_mcp(1, |x, p| vec![x[0], p[0]], &[1.0], &free).is_err());
+}

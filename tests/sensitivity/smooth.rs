@@ -1,7 +1,6 @@
 //! Away from kinks: differences, the adjoint, and what is refused.
 
-use semismooth::complementarity::McpSolver;
-use semismooth::piecewise::{MinMap, PiecewiseError};
+use semismooth::piecewise::{Expression, MinMap, PiecewiseError};
 use semismooth::sensitivity::{Loaded, Sensitivity, SensitivityError};
 use semismooth::sparse::Matrix;
 use semismooth::{parametric, parametric_mcp};
@@ -12,25 +11,24 @@ use super::random::Random;
 /// of products with the matrix.
 #[test]
 fn derivatives_are_differences_and_the_adjoint_is_exact() {
+    fn market<'a>(x: &[Expression<'a>], p: &[Expression<'a>]) -> Vec<Expression<'a>> {
+        vec![
+            x[0].exp() - p[0] + 0.3 * x[1] * x[2],
+            x[1] * x[1] + p[1] * x[0] - 2.0 * p[0] + x[2],
+            x[2] + 1.0 + x[0] * p[1],
+        ]
+    }
     let (lower, upper) = ([0.0; 3], [f64::INFINITY, 2.0, f64::INFINITY]);
-    let map = parametric_mcp(
-        2,
-        |x, p| {
-            vec![
-                x[0].exp() - p[0] + 0.3 * x[1] * x[2],
-                x[1] * x[1] + p[1] * x[0] - 2.0 * p[0] + x[2],
-                x[2] + 1.0 + x[0] * p[1],
-            ]
-        },
-        &lower,
-        &upper,
-    )
-    .unwrap();
+    let map = parametric_mcp(2, market, &lower, &upper).unwrap();
     let solve = |p: &[f64]| {
-        let problem = map.at_parameters(p).unwrap();
-        let mut x = vec![0.5; 3];
-        assert!(McpSolver::default().solve(&problem, &mut x).unwrap().is_solved());
-        x
+        semismooth::solve_mcp(
+            |x| market(x, &[p[0].into(), p[1].into()]),
+            &lower,
+            &upper,
+            &[0.5; 3],
+        )
+        .unwrap()
+        .x
     };
     let p = [3.0, 0.7];
     let x = solve(&p);
