@@ -66,6 +66,7 @@ impl<F: McpFunction> Mcp<F> {
 
     /// The problem of a function F of n values whose variables are the n unknowns and behind them k ≥ 0 parameters: for
     /// [`Sensitivity`](crate::sensitivity::Sensitivity), and for solving [at values](Self::at_parameters) of the parameters.
+    /// F is taken for smooth there; where it has kinks of its own, use `parametric_mcp`.
     ///
     /// # Errors
     /// As [`new`](Self::new); fewer variables than values.
