@@ -4,7 +4,7 @@
 use std::fmt;
 
 use crate::complementarity::{
-    AffineFunction, Autodiff, ComplementarityError, Lcp, Mcp, McpReport, McpSolver,
+    AffineFunction, Autodiff, ComplementarityError, Lcp, Mcp, McpReport, McpSolver, check_bounds,
 };
 use crate::cones::{Cone, ConeError, ConeProblem, ConeReport, ConeSolver};
 use crate::contact::{ContactBody, ContactError, LoadPath};
@@ -15,6 +15,7 @@ use crate::enumeration::{EnumerationError, EnumerationOptions, SolutionSet};
 use crate::exact::Exact;
 use crate::fem::{ContactRows, ElasticSystem};
 use crate::piecewise::{ExactPieces, Expression, Formula, NonsmoothFunction, PiecewiseSmooth, Traced};
+use crate::sensitivity::{Sensitivity, SensitivityError};
 use crate::sparse::Matrix;
 use crate::variational::{Polyhedron, VariationalError, Vi, ViReport, ViSolver};
 
@@ -26,6 +27,95 @@ pub struct Solution<R> {
     pub x: Vec<f64>,
     /// How it was found: status, residual at x, iterations, multipliers or certificates where there are any.
     pub report: R,
+}
+
+impl<R> Solution<R> {
+    /// The solution as a function of parameters θ (length k): derivatives where there are any, one-sided ones at kinks. The map is that of
+    /// the problem in the unknowns x and behind them the parameters, see [`parametric`], [`parametric_mcp`] and
+    /// [`sensitivity`](crate::sensitivity).
+    ///
+    /// ```
+    /// use semismooth::{parametric_mcp, solve_mcp};
+    /// // 0 ≤ x ⟂ eˣ − p ≥ 0 at p = 2: x = ln p.
+    /// let free = [f64::INFINITY];
+    /// let found = solve_mcp(|x| vec![x[0].exp() - 2.0], &[0.0], &free, &[1.0])?;
+    /// let map = parametric_mcp(1, |x, p| vec![x[0].exp() - p[0]], &[0.0], &free)?;
+    /// let mut sensitivity = found.sensitivity(map, &[2.0])?;
+    /// assert!((sensitivity.derivative()?.get(0, 0) - 0.5).abs() < 1e-14);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Sensitivity::new`].
+    pub fn sensitivity<P: PiecewiseSmooth>(
+        &self,
+        map: P,
+        parameters: &[f64],
+    ) -> Result<Sensitivity<P>, SensitivityError> {
+        Sensitivity::new(map, &self.x, parameters)
+    }
+}
+
+/// The map of n equations H(x, p) = 0 in n unknowns and k parameters, for [`Solution::sensitivity`].
+pub fn parametric<F>(num_unknowns: usize, num_parameters: usize, equations: F) -> Traced<Formula>
+where
+    F: for<'a> FnOnce(&[Expression<'a>], &[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    Traced::new(Formula::new(num_unknowns + num_parameters, |all| {
+        let (x, p) = all.split_at(num_unknowns);
+        equations(x, p)
+    }))
+}
+
+/// The map x − mid(l, u, x − F(x, p)) of n = `lower.len()` unknowns and k parameters, whose zeros are the solutions of the mixed complementarity
+/// problem of F and these bounds, for [`Solution::sensitivity`]. F may have kinks of its own.
+///
+/// # Errors
+/// Another number of values than bounds, bounds that cross.
+pub fn parametric_mcp<F>(
+    num_parameters: usize,
+    function: F,
+    lower: &[f64],
+    upper: &[f64],
+) -> Result<Traced<Formula>, ComplementarityError>
+where
+    F: for<'a> FnOnce(&[Expression<'a>], &[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    let n = lower.len();
+    check_bounds(lower, upper, n)?;
+    let map = parametric(n, num_parameters, |x, p| {
+        let values = function(x, p).into_iter().enumerate();
+        let row = |(i, f)| natural_row(x.get(i).copied(), f, lower.get(i), upper.get(i));
+        values.map(row).collect()
+    });
+    match map.num_residuals() == n {
+        true => Ok(map),
+        false => Err(ComplementarityError::Dimensions {
+            vars: n,
+            values: map.num_residuals(),
+            expected: "an MCP has as many values as unknowns, besides its parameters",
+        }),
+    }
+}
+
+/// x − mid(l, u, x − f): f itself without bounds.
+fn natural_row<'a>(
+    x: Option<Expression<'a>>,
+    f: Expression<'a>,
+    lower: Option<&f64>,
+    upper: Option<&f64>,
+) -> Expression<'a> {
+    let finite = |bound: Option<&f64>| bound.copied().filter(|b| b.is_finite());
+    let Some(x) = x else {
+        return f;
+    };
+    match (finite(lower), finite(upper)) {
+        (None, None) => f,
+        (Some(l), Some(u)) if l == u => x - l,
+        (Some(l), Some(u)) => x - (x - f).project(l, u),
+        (Some(l), None) => x - (x - f).max(l),
+        (None, Some(u)) => x - (x - f).min(u),
+    }
 }
 
 /// Why a problem is not solved. Its `Debug` is as short as its text, so that a `main` which returns it prints a line.

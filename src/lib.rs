@@ -16,6 +16,7 @@
 //! | [`interface`] | any nonsmooth law on few traces of a definite operator |
 //! | [`fem`], [`contact`] | linear elasticity on meshes, Coulomb friction in the plane and in space |
 //! | [`output`] | tables, JSON, pictures, VTU |
+//! | [`sensitivity`] | derivatives of solutions in parameters, one-sided ones at kinks |
 //! | [`linear`], [`sparse`] | linear solvers behind one trait, sparse matrices |
 //! | [`sweep`] | many problems at once |
 //! | [`fallible`] | functions that may fail: their errors come back unchanged |
@@ -52,6 +53,7 @@ pub mod output;
 mod parallel;
 pub mod piecewise;
 pub mod prelude;
+pub mod sensitivity;
 pub mod sparse;
 mod spread;
 pub mod sweep;
@@ -61,8 +63,8 @@ mod words;
 pub use cause::Cause;
 #[cfg(feature = "autodiff")]
 pub use doors::{
-    McpResult, Solution, SolveError, ViResult, all_solutions, contact_body, diagram, follow, solve,
-    solve_cone, solve_lcp, solve_mcp, solve_qp, solve_vi,
+    McpResult, Solution, SolveError, ViResult, all_solutions, contact_body, diagram, follow, parametric,
+    parametric_mcp, solve, solve_cone, solve_lcp, solve_mcp, solve_qp, solve_vi,
 };
 pub use words::UnknownName;
 

@@ -345,6 +345,14 @@ fn of_every_build() -> Vec<&'static str> {
         "variational::ViSolutions": variational::ViSolutions,
         "variational::ViSolver": variational::ViSolver,
         "variational::ViStatus": variational::ViStatus,
+        "sensitivity::DerivativeDoubt": sensitivity::DerivativeDoubt,
+        "sensitivity::Differentiability": sensitivity::Differentiability,
+        "sensitivity::Directional": sensitivity::Directional,
+        "sensitivity::Element": sensitivity::Element,
+        "sensitivity::Loaded": sensitivity::Loaded<Map>,
+        "sensitivity::Sensitivity": sensitivity::Sensitivity<Map>,
+        "sensitivity::SensitivityError": sensitivity::SensitivityError,
+        "sensitivity::Validity": sensitivity::Validity,
         "sparse::NodalMatrix": sparse::NodalMatrix,
         "sparse::Pattern": sparse::Pattern,
         "sparse::PatternRef": sparse::PatternRef<'static>,
@@ -460,6 +468,7 @@ fn errors_are_data() {
     error::<semismooth::piecewise::PiecewiseError>();
     error::<semismooth::piecewise::check::CheckError>();
     error::<semismooth::cones::ConeError>();
+    error::<semismooth::sensitivity::SensitivityError>();
     error::<semismooth::sparse::SparseError>();
     error::<semismooth::variational::VariationalError>();
 }

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use numpy::PyArray1;
+use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
@@ -20,6 +20,7 @@ use crate::errors::{Run, raised};
 use crate::map::{Map, TracedFunction, map_of};
 use crate::names::size;
 use crate::saving::{data, data_of, field, state_of};
+use crate::sensitivity::{Parametric, Sensitivity};
 
 /// The linear complementarity problem of a square matrix M, shape (n, n), dense or scipy.sparse, and a vector q, shape (n,).
 ///
@@ -106,6 +107,8 @@ pub(crate) struct McpResult {
     pub(crate) certificate: Py<PyArray1<f64>>,
     /// Wall-clock time in seconds.
     pub(crate) time: f64,
+    /// The solution as a function of ``params``, a :class:`Sensitivity`; None without ``params``, and where nothing was solved.
+    pub(crate) sensitivity: Option<Py<Sensitivity>>,
 }
 
 impl McpResult {
@@ -139,6 +142,28 @@ impl McpResult {
             history: python(py, &report.history)?.unbind(),
             certificate: PyArray1::from_slice(py, &report.certificate).unbind(),
             time: report.time.as_secs_f64(),
+            sensitivity: None,
+        })
+    }
+
+    /// With the derivatives in parameters, where it is solved.
+    fn with_sensitivity(
+        mut self,
+        py: Python<'_>,
+        parametric: Option<Parametric>,
+        (lower, upper): (&[f64], &[f64]),
+        x: &[f64],
+    ) -> PyResult<Self> {
+        if let (Some(parametric), true) = (parametric, self.status == "solved") {
+            self.sensitivity = Some(Py::new(py, parametric.sensitivity(py, lower, upper, x)?)?);
+        }
+        Ok(self)
+    }
+
+    fn derivatives(&self) -> PyResult<&Sensitivity> {
+        let own = self.sensitivity.as_ref().map(|s| s.get());
+        own.ok_or_else(|| {
+            PyValueError::new_err("there are derivatives of solved problems with `params` only: F(x, p)")
         })
     }
 }
@@ -149,6 +174,33 @@ impl McpResult {
     #[getter]
     fn solved(&self) -> bool {
         self.status == "solved"
+    }
+
+    /// Whether x is a differentiable function of ``params`` here: True, False or None (not known); see :class:`Sensitivity`.
+    #[getter]
+    fn differentiable(&self, py: Python<'_>) -> PyResult<Option<bool>> {
+        self.derivatives()?.differentiable(py)
+    }
+
+    /// The directional derivative of x along a change of ``params``: :meth:`Sensitivity.jvp`.
+    fn jvp<'py>(&self, dp: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        self.derivatives()?.jvp(dp)
+    }
+
+    /// The gradient in ``params`` of a function of x with this gradient: :meth:`Sensitivity.vjp`.
+    fn vjp<'py>(&self, dx: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        self.derivatives()?.vjp(dx)
+    }
+
+    /// The derivative of x in ``params``, shape (n, k): :meth:`Sensitivity.derivative`.
+    fn derivative<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.derivatives()?.derivative(py)
+    }
+
+    /// How far along dp the piece holds: :meth:`Sensitivity.valid_until`.
+    #[pyo3(signature = (dp, horizon=1.0))]
+    fn valid_until(&self, dp: &Bound<'_, PyAny>, horizon: f64) -> PyResult<f64> {
+        self.derivatives()?.valid_until(dp, horizon)
     }
 
     fn __repr__(&self) -> String {
@@ -449,6 +501,8 @@ pub(crate) fn add(jacobian: &Bound<'_, PyAny>, x: &[f64], jac: &mut Matrix) -> P
 /// pattern : array or scipy.sparse matrix of shape (n, n), optional
 ///     The sparsity pattern of the Jacobian: the stored entries of a sparse matrix, zeros among them, or all entries of an array.
 ///     Default: that of ``jac(x0)`` if it is sparse; else full.
+/// params : array of shape (k,), or number, optional
+///     Parameters p of a function ``F(x, p)``, which is traced once: the result then has derivatives of x in p.
 /// callback, **options
 ///     As for :func:`solve_lcp`.
 ///
@@ -460,8 +514,11 @@ pub(crate) fn add(jacobian: &Bound<'_, PyAny>, x: &[f64], jac: &mut Matrix) -> P
 /// >>> result = ss.solve_mcp(lambda x: (x - 1) ** 2 - 1.01, 0, float("inf"), [0.0])
 /// >>> result.status, result.x.round(6)
 /// ('solved', array([2.004988]))
+/// >>> result = ss.solve_mcp(lambda x, p: x**2 - p, 0, float("inf"), 1.0, params=4.0)
+/// >>> result.x, result.differentiable, result.derivative()
+/// (array([2.]), True, array([[0.25]]))
 #[pyfunction]
-#[pyo3(signature = (F, lower, upper, x0, jac=None, *, pattern=None, callback=None, **options))]
+#[pyo3(signature = (F, lower, upper, x0, jac=None, *, pattern=None, params=None, callback=None, **options))]
 fn solve_mcp(
     py: Python<'_>,
     F: &Bound<'_, PyAny>,
@@ -470,6 +527,7 @@ fn solve_mcp(
     x0: &Bound<'_, PyAny>,
     jac: Option<&Bound<'_, PyAny>>,
     pattern: Option<&Bound<'_, PyAny>>,
+    params: Option<&Bound<'_, PyAny>>,
     callback: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<McpResult> {
@@ -477,13 +535,31 @@ fn solve_mcp(
     let n = x.len();
     let lower = bound(lower, n, f64::NEG_INFINITY, "lower")?;
     let upper = bound(upper, n, f64::INFINITY, "upper")?;
-    let derivative = Derivative::new(F, jac, pattern, &x, n)?;
+    let (parametric, derivative) = with_params(F, jac, pattern, params, &x)?;
     let options = crate::arrays::options(options, py)?;
     let report = Run::detached(py, |run| {
+        let (lower, upper) = (lower.clone(), upper.clone());
         let problem = Mcp::new(derivative.function(run, n), lower, upper).map_err(raised)?;
         solve(run, &problem, &mut x, options, callback.as_ref())
     })?;
-    McpResult::new(py, &x, &report)
+    McpResult::new(py, &x, &report)?.with_sensitivity(py, parametric, (&lower, &upper), &x)
+}
+
+/// F with its derivative, at the parameters if there are any.
+fn with_params(
+    function: &Bound<'_, PyAny>,
+    jac: Option<&Bound<'_, PyAny>>,
+    pattern: Option<&Bound<'_, PyAny>>,
+    params: Option<&Bound<'_, PyAny>>,
+    x0: &[f64],
+) -> PyResult<(Option<Parametric>, Derivative)> {
+    let n = x0.len();
+    let Some(params) = params else {
+        return Ok((None, Derivative::new(function, jac, pattern, x0, n)?));
+    };
+    let parametric = Parametric::new(function, params, n, jac.is_some() || pattern.is_some())?;
+    let map = Py::new(function.py(), parametric.fixed())?;
+    Ok((Some(parametric), Derivative::Formula(map)))
 }
 
 /// Solves the square equation H(x) = 0, which may have kinks.
@@ -494,7 +570,7 @@ fn solve_mcp(
 ///     ``H(x)`` for x of shape (n,) gives n values. Unless ``jac`` is given it is traced: see :func:`trace`. (M, q) is M x + q.
 /// x0 : array of shape (n,), or number
 ///     Start.
-/// jac, pattern, callback, **options
+/// jac, pattern, params, callback, **options
 ///     As for :func:`solve_mcp`. A function that is called, not traced, may have kinks, too: its Jacobian is then that of any of its pieces.
 ///
 /// Returns
@@ -508,7 +584,7 @@ fn solve_mcp(
 /// >>> result.solved, result.x
 /// (True, array([1.5]))
 #[pyfunction]
-#[pyo3(signature = (H, x0, jac=None, *, pattern=None, callback=None, **options))]
+#[pyo3(signature = (H, x0, jac=None, *, pattern=None, params=None, callback=None, **options))]
 #[pyo3(name = "solve")]
 fn solve_equation(
     py: Python<'_>,
@@ -516,16 +592,17 @@ fn solve_equation(
     x0: &Bound<'_, PyAny>,
     jac: Option<&Bound<'_, PyAny>>,
     pattern: Option<&Bound<'_, PyAny>>,
+    params: Option<&Bound<'_, PyAny>>,
     callback: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<McpResult> {
     let x0 = start(x0, "x0")?;
     let n = x0.len();
-    let derivative = Derivative::new(H, jac, pattern, &x0, n)?;
+    let (parametric, derivative) = with_params(H, jac, pattern, params, &x0)?;
     let options: McpOptions = crate::arrays::options(options, py)?;
+    let [lower, upper] = [f64::NEG_INFINITY, f64::INFINITY].map(|bound| vec![bound; n]);
     let (x, report) = Run::detached(py, |run| {
-        let unbounded = [f64::NEG_INFINITY, f64::INFINITY].map(|bound| vec![bound; n]);
-        let [lower, upper] = unbounded;
+        let (lower, upper) = (lower.clone(), upper.clone());
         let problem = Mcp::new(derivative.function(run, n), lower, upper).map_err(raised)?;
         let mut x = x0.clone();
         let report = solve(run, &problem, &mut x, options.clone(), callback.as_ref())?;
@@ -555,7 +632,7 @@ fn solve_equation(
             result.message = format!("{}; {jump}", result.message);
         }
     }
-    Ok(result)
+    result.with_sensitivity(py, parametric, (&lower, &upper), &x)
 }
 
 /// Where the path of Lemke's method ended.

@@ -19,6 +19,7 @@ mod map;
 mod mesh;
 mod names;
 mod saving;
+mod sensitivity;
 mod solution;
 mod structure;
 mod text;
@@ -43,6 +44,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     continuation::register(module)?;
     transition_set::register(module)?;
     diagram::register(module)?;
+    sensitivity::register(module)?;
     variational::register(module)?;
     friction::register(module)?;
     mesh::register(module)?;

@@ -277,6 +277,70 @@ impl Map {
         })
     }
 
+    /// The map outside of any run.
+    pub(crate) fn free(&self) -> Traced<Watched<'static>> {
+        Traced::new(Watched {
+            formula: self.formula.clone(),
+            run: None,
+        })
+    }
+
+    /// The map of the first n variables, the others being these numbers.
+    pub(crate) fn fixed(&self, n: usize, numbers: &[f64]) -> Self {
+        let fixed = |node: &Node| match node {
+            Node::Variable(k) if *k >= n => Node::Number(numbers[*k - n].to_bits()),
+            other => *other,
+        };
+        let formula = &self.formula;
+        self.rewritten(
+            n,
+            formula.nodes.iter().map(fixed).collect(),
+            formula.values.clone(),
+        )
+    }
+
+    /// The map x − mid(lower, x − F, upper), x being the first variables: its zeros are the solutions of the complementarity problem of F.
+    /// Components without bounds are those of F.
+    pub(crate) fn natural(&self, lower: &[f64], upper: &[f64]) -> Self {
+        let mut nodes = self.formula.nodes.clone();
+        let mut values = self.formula.values.clone();
+        for (i, value) in values.iter_mut().enumerate() {
+            let mut write = |node: Node| {
+                nodes.push(node);
+                nodes.len() - 1
+            };
+            let bounds = [lower[i], upper[i]];
+            if bounds.iter().all(|b| b.is_infinite()) {
+                continue;
+            }
+            let x = write(Node::Variable(i));
+            let moved = write(Node::Sub(x, *value));
+            let [l, u] = bounds.map(|b| b.is_finite().then(|| write(Node::Number(b.to_bits()))));
+            let nearest = match (l, u) {
+                (Some(l), _) if bounds[0] == bounds[1] => l,
+                (Some(l), Some(u)) => write(Node::Project(l, moved, u)),
+                (Some(l), None) => write(Node::Max(l, moved)),
+                (None, Some(u)) => write(Node::Min(u, moved)),
+                (None, None) => continue,
+            };
+            *value = write(Node::Sub(x, nearest));
+        }
+        self.rewritten(self.formula.variables, nodes, values)
+    }
+
+    /// The map of other nodes, of which the first ones are kinks where those of this map are.
+    fn rewritten(&self, variables: usize, nodes: Vec<Node>, values: Vec<usize>) -> Self {
+        let mut names = self.formula.names.clone();
+        names.resize(nodes.iter().filter(|node| node.is_kink()).count(), None);
+        Self::new(Formula {
+            structure: structure(variables, &nodes, &values),
+            variables,
+            nodes,
+            values,
+            names,
+        })
+    }
+
     /// The first value at x, without Python.
     pub(crate) fn first_value(&self, x: &[f64]) -> f64 {
         let mut out = vec![f64::NAN; self.formula.values.len()];
@@ -425,13 +489,27 @@ impl Map {
 /// array([2.])
 #[pyfunction]
 pub(crate) fn trace(py: Python<'_>, function: &Bound<'_, PyAny>, num_vars: usize) -> PyResult<Map> {
+    traced_call(py, function, num_vars, None)
+}
+
+/// A function of two arrays, n unknowns and k parameters, as a map of n + k variables.
+pub(crate) fn trace_two(py: Python<'_>, function: &Bound<'_, PyAny>, n: usize, k: usize) -> PyResult<Map> {
+    traced_call(py, function, n + k, Some(n))
+}
+
+fn traced_call(
+    py: Python<'_>,
+    function: &Bound<'_, PyAny>,
+    num_vars: usize,
+    unknowns: Option<usize>,
+) -> PyResult<Map> {
     let page = Page::default();
     let variables: Vec<Py<Expression>> = (0..num_vars)
         .map(|k| Py::new(py, Expression::new(&page, Node::Variable(k))))
         .collect::<PyResult<_>>()?;
     let run = py.import("semismooth._arrays")?.getattr("run")?;
     let mut found = Vec::new();
-    for value in run.call1((function, variables))?.try_iter()? {
+    for value in run.call1((function, variables, unknowns))?.try_iter()? {
         let value = value?;
         let operand = Operand::of(&value).ok_or_else(|| {
             PyTypeError::new_err(format!(

@@ -19,6 +19,7 @@ use crate::laws::{Bonded, Cohesion, Friction, GivenBound, LimitedShear};
 use crate::lists::{Continuum, Solution, SolutionSet};
 use crate::map::Map;
 use crate::mesh::Mesh;
+use crate::sensitivity::Sensitivity;
 use crate::solution::{ContactSolution, EvolutionStep};
 use crate::transition_set::{CharacterChange, TransitionCurve};
 use crate::variational::{ConeResult, ViResult};
@@ -210,7 +211,7 @@ macro_rules! plain {
 plain! {
     McpResult {
         x, status, message, residual, error, states, iterations, evaluations, jacobians, factorisations, strategy, fallbacks,
-        history, certificate, time,
+        history, certificate, time, sensitivity,
     }
     LemkeResult { x, status, message, residual, pivots, ray, history }
     ViResult { x, status, residual, inequalities, equations, lower, upper, ray, certificate, within_rounding, iterations, history }
@@ -255,6 +256,7 @@ own!(
     Transition,
     Diagram,
     Map,
+    Sensitivity,
     Lcp,
     Mesh,
     Material,

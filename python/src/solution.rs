@@ -10,8 +10,10 @@ use semismooth::contact::{
     self, Arrival, EvolutionOptions, EvolutionProgress, LocalValues, ReducedLevel, ReducedOptions,
 };
 use semismooth::continuation::ContinuationOptions;
+use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::sensitivity::{Sensitivity, SensitivityError};
 
-use crate::arrays::{python, rows, vector};
+use crate::arrays::{python, rows, start, vector};
 use crate::contact::{ContactProblem, Form, Reduced, Route, begun, of_form, point};
 use crate::errors::{Run, raised};
 use crate::names::number;
@@ -110,6 +112,20 @@ impl ContactSolution {
         })
     }
 
+    /// Runs `work` with the derivatives in the parameters, without the interpreter's lock.
+    fn derivatives<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Sensitivity<&(dyn PiecewiseSmooth + Sync)>) -> Result<T, SensitivityError> + Send,
+    ) -> PyResult<T> {
+        let map = self.problem.get().form()?.map();
+        py.detach(|| {
+            let (x, parameters) = self.x.split_at(map.num_residuals());
+            Sensitivity::new(map, x, parameters).and_then(|mut found| work(&mut found))
+        })
+        .map_err(raised)
+    }
+
     fn tangential<'py>(
         &self,
         py: Python<'py>,
@@ -133,6 +149,42 @@ impl ContactSolution {
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.x)
+    }
+
+    /// Whether the solution is a differentiable function of the parameter here: True, False (where a node begins to slip, stick, touch
+    /// or part), or None: not known; see :class:`Sensitivity`. Not in reduced form.
+    #[getter]
+    fn differentiable(&self, py: Python<'_>) -> PyResult<Option<bool>> {
+        Ok(self.derivatives(py, |found| found.differentiable())?.known())
+    }
+
+    /// The directional derivative of ``x`` as the parameter changes at the rate dp, of the same shape: its last entry is dp. With dp = -1 it
+    /// is the one towards smaller parameters, which at a kink is not the opposite of that with dp = 1.
+    #[pyo3(signature = (dp=None))]
+    fn jvp<'py>(
+        &self,
+        py: Python<'py>,
+        dp: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let dp = dp.map_or_else(|| Ok(vec![1.0]), |dp| start(dp, "dp"))?;
+        let mut rate = self.derivatives(py, |found| found.jvp(&dp))?;
+        rate.extend(dp);
+        Ok(PyArray1::from_vec(py, rate))
+    }
+
+    /// The derivative in the parameter, shape (1,), of a function of ``x`` with the gradient dx in its entries before the parameter.
+    fn vjp<'py>(&self, dx: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (py, dx) = (dx.py(), vector(dx, "dx")?);
+        let found = self.derivatives(py, |found| found.vjp(&dx))?;
+        Ok(PyArray1::from_vec(py, found))
+    }
+
+    /// The largest s such that no node changes its state as the parameter moves from here by t dp, 0 < t < s: exact where the problem is
+    /// piecewise affine, else found by following the curve up to s = ``horizon``.
+    #[pyo3(signature = (dp=1.0, horizon=1.0))]
+    fn valid_until(&self, py: Python<'_>, dp: f64, horizon: f64) -> PyResult<f64> {
+        let found = self.derivatives(py, |found| found.valid_until(&[dp], horizon))?;
+        Ok(found.until())
     }
 
     /// The parameter α.

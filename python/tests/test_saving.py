@@ -74,6 +74,7 @@ def made():
         ss.follow(problem, solution, parameter_range=(0.0, 0.5)),
         ss.diagram(problem, solution, parameter_range=(0.0, 0.5)),
     ]
+    results += [ss.sensitivity(lambda x, p: abs(x) + 2 * x - p, 1.0, 3.0), ss.solve_mcp(lambda x, p: x - p, 0, 1, 0.0, params=0.5)]
     parts = [*branch.transitions, *branch.folds, *branch.crossings, *diagram.vertices, *diagram.edges, *diagram.crossings, *lists.solutions]
     return results + parts + list(lists.continua)
 

@@ -16,15 +16,21 @@ impl AffineFunction {
     /// Entries that are not finite; M neither n × n nor n × (n + 1) for q of length n; n = 0.
     pub fn new(matrix: Matrix, q: Vec<f64>) -> Result<Self, ComplementarityError> {
         let (rows, cols) = (matrix.nrows(), matrix.ncols());
-        if rows == 0 {
-            return Err(ComplementarityError::Empty);
-        }
-        if cols != rows && cols != rows + 1 {
+        if rows > 0 && cols != rows && cols != rows + 1 {
             return Err(ComplementarityError::Dimensions {
                 vars: cols,
                 values: rows,
                 expected: "M has as many columns as rows, or one more (the parameter)",
             });
+        }
+        Self::of_columns(matrix, q)
+    }
+
+    /// M x + q, the variables behind as many as there are rows being parameters.
+    pub(super) fn of_columns(matrix: Matrix, q: Vec<f64>) -> Result<Self, ComplementarityError> {
+        let rows = matrix.nrows();
+        if rows == 0 {
+            return Err(ComplementarityError::Empty);
         }
         check_finite("q", &q, rows)?;
         matrix.check_finite()?;

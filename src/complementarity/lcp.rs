@@ -106,6 +106,40 @@ impl Lcp {
         Ok(Self { mcp })
     }
 
+    /// The problem with constants q + C θ, C (n × k), as a map of z and the parameters θ: for
+    /// [`Sensitivity`](crate::sensitivity::Sensitivity). With C = I the parameters are changes of q.
+    ///
+    /// # Errors
+    /// Another number of rows, entries that are not finite.
+    ///
+    /// ```
+    /// use semismooth::complementarity::Lcp;
+    /// use semismooth::sensitivity::Sensitivity;
+    /// use semismooth::sparse::Matrix;
+    /// let lcp = Lcp::new(Matrix::from_rows(&[[2.0, 1.0], [1.0, 2.0]])?, vec![-4.0, -2.0])?;
+    /// // z = (2, 0), and w₁ = 0 as well: z₁ grows where q₁ falls, and cannot fall.
+    /// let mut found = Sensitivity::new(lcp.in_constants(&Matrix::identity(2))?, &[2.0, 0.0], &[0.0; 2])?;
+    /// assert_eq!(found.differentiable()?.known(), Some(false));
+    /// assert_eq!(found.jvp(&[0.0, -3.0])?, [-1.0, 2.0]);
+    /// assert_eq!(found.jvp(&[0.0, 3.0])?, [0.0, 0.0]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn in_constants(&self, columns: &Matrix) -> Result<Mcp<AffineFunction>, ComplementarityError> {
+        let n = self.len();
+        if columns.nrows() != n {
+            return Err(ComplementarityError::Length {
+                what: "the rows of the columns C",
+                expected: n,
+                found: columns.nrows(),
+            });
+        }
+        let moved = columns.triplets().map(|(i, j, v)| (i, n + j, v));
+        let entries: Vec<_> = self.matrix().triplets().chain(moved).collect();
+        let matrix = Matrix::from_triplets(n, n + columns.ncols(), &entries)?;
+        let function = AffineFunction::of_columns(matrix, self.q().to_vec())?;
+        Mcp::with_parameters(function, self.lower().to_vec(), self.upper().to_vec())
+    }
+
     /// The problem as an MCP, which is a piecewise-smooth map.
     #[must_use]
     pub fn mcp(&self) -> &Mcp<AffineFunction> {

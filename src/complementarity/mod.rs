@@ -91,6 +91,8 @@ pub use function::{McpFunction, WithJacobian};
 pub use kkt::{ConstraintKind, Kkt, Program, kkt};
 pub use lcp::Lcp;
 pub use normal::NormalMap;
+#[cfg(feature = "autodiff")]
+pub(crate) use problem::check_bounds;
 pub use problem::{AtParameter, Mcp};
 pub(crate) use scratch::Scratch;
 pub use solver::{

@@ -101,7 +101,10 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
     }
 
     fn exact(&self) -> Option<&dyn ExactPieces> {
-        self.function().coefficients().is_some().then_some(self)
+        // With one parameter at most.
+        let is_stated =
+            self.function().num_vars() <= self.len() + 1 && self.function().coefficients().is_some();
+        is_stated.then_some(self)
     }
 
     /// One size for all unknowns of an affine problem; 1 for others, whose size is unknown.

@@ -54,14 +54,36 @@ impl<F: McpFunction> Mcp<F> {
     /// n = 0, wrong lengths, a pattern of another shape, NaN among the bounds, lᵢ > uᵢ, lᵢ = +∞ or uᵢ = −∞.
     pub fn new(function: F, lower: Vec<f64>, upper: Vec<f64>) -> Result<Self, ComplementarityError> {
         let (n, m) = (function.num_values(), function.num_vars());
-        if n == 0 {
-            return Err(ComplementarityError::Empty);
-        }
-        if m != n && m != n + 1 {
+        if m > n + 1 {
             return Err(ComplementarityError::Dimensions {
                 vars: m,
                 values: n,
                 expected: "an MCP has as many variables as values, a parametric one has one variable more",
+            });
+        }
+        Self::with_parameters(function, lower, upper)
+    }
+
+    /// The problem of a function F of n values whose variables are the n unknowns and behind them k ≥ 0 parameters: for
+    /// [`Sensitivity`](crate::sensitivity::Sensitivity), and for solving [at values](Self::at_parameters) of the parameters.
+    /// F is taken for smooth there; where it has kinks of its own, use `parametric_mcp`.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new); fewer variables than values.
+    pub fn with_parameters(
+        function: F,
+        lower: Vec<f64>,
+        upper: Vec<f64>,
+    ) -> Result<Self, ComplementarityError> {
+        let (n, m) = (function.num_values(), function.num_vars());
+        if n == 0 {
+            return Err(ComplementarityError::Empty);
+        }
+        if m < n {
+            return Err(ComplementarityError::Dimensions {
+                vars: m,
+                values: n,
+                expected: "an MCP has as many variables as values, and those behind them are parameters",
             });
         }
         check_bounds(&lower, &upper, n)?;
@@ -152,7 +174,7 @@ impl<F: McpFunction> Mcp<F> {
         self.lower.is_empty()
     }
 
-    /// Whether F has a parameter, its last variable.
+    /// Whether F has parameters, its last variables.
     #[must_use]
     pub fn is_parametric(&self) -> bool {
         self.function.num_vars() > self.len()
@@ -201,15 +223,27 @@ impl<F: McpFunction> Mcp<F> {
     /// # Errors
     /// A problem without a parameter; a value that is not finite.
     pub fn at(&self, parameter: f64) -> Result<Mcp<AtParameter<&F>>, ComplementarityError> {
-        if !self.is_parametric() {
+        if self.function.num_vars() != self.len() + 1 {
             return Err(ComplementarityError::Dimensions {
                 vars: self.function.num_vars(),
                 values: self.len(),
                 expected: "only a function with one variable more than values has a parameter",
             });
         }
-        check_finite("the parameter", &[parameter], 1)?;
-        let function = AtParameter::new(&self.function, parameter, self.pattern.clone())?;
+        self.at_parameters(&[parameter])
+    }
+
+    /// The problem at values of its k parameters.
+    ///
+    /// # Errors
+    /// Another number of values; values that are not finite.
+    pub fn at_parameters(&self, parameters: &[f64]) -> Result<Mcp<AtParameter<&F>>, ComplementarityError> {
+        check_finite(
+            "the parameters",
+            parameters,
+            self.function.num_vars() - self.len(),
+        )?;
+        let function = AtParameter::new(&self.function, parameters, self.pattern.clone())?;
         let mut problem = Mcp::new(function, self.lower.clone(), self.upper.clone())?;
         problem.names.clone_from(&self.names);
         Ok(problem)
@@ -232,7 +266,7 @@ impl Mcp<AffineFunction> {
 }
 
 /// Bounds of length n that leave a value to each of their variables.
-pub(super) fn check_bounds(lower: &[f64], upper: &[f64], n: usize) -> Result<(), ComplementarityError> {
+pub(crate) fn check_bounds(lower: &[f64], upper: &[f64], n: usize) -> Result<(), ComplementarityError> {
     for (what, bound, wrong, free) in [
         ("lower", lower, f64::INFINITY, "-inf"),
         ("upper", upper, f64::NEG_INFINITY, "+inf"),
@@ -278,7 +312,7 @@ pub(super) fn natural(x: f64, lower: f64, upper: f64, f: f64) -> f64 {
     }
 }
 
-/// A function with its parameter fixed.
+/// A function with its parameters fixed.
 #[derive(Debug, Clone)]
 pub struct AtParameter<F> {
     function: F,
@@ -287,12 +321,12 @@ pub struct AtParameter<F> {
 }
 
 impl<F: McpFunction> AtParameter<F> {
-    fn new(function: F, parameter: f64, pattern: Pattern) -> Result<Self, ComplementarityError> {
+    fn new(function: F, parameters: &[f64], pattern: Pattern) -> Result<Self, ComplementarityError> {
         let n = function.num_values();
         let leading = pattern.leading_columns(n);
         let own = Pattern::from_csc(n, n, leading.col_ptr.to_vec(), leading.row_idx.to_vec())?;
         let mut x = vec![0.0; n];
-        x.push(parameter);
+        x.extend(parameters);
         Ok(Self {
             function,
             work: Scratch::new((x, Matrix::zeros(pattern))),
@@ -337,7 +371,9 @@ impl<F: McpFunction> McpFunction for AtParameter<F> {
 
     fn coefficients(&self) -> Option<(&AffineFunction, Option<f64>)> {
         match self.function.coefficients()? {
-            (function, None) => Some((function, self.work.lock().0.last().copied())),
+            (function, None) if function.num_vars() == function.num_values() + 1 => {
+                Some((function, self.work.lock().0.last().copied()))
+            }
             _ => None,
         }
     }

@@ -31,6 +31,7 @@
 //! | a curve with its folds | [`follow`](crate::follow) | `ss.follow(H, x0, ...)` |
 //! | all branches | [`diagram`](crate::diagram) | `ss.diagram(H, starts, ...)` |
 //! | all solutions | [`all_solutions`](crate::all_solutions) | `ss.all_solutions(H)` |
+//! | derivatives of a solution in parameters | [`Solution::sensitivity`](crate::Solution::sensitivity) | `ss.solve_mcp(..., params=p)`, `ss.sensitivity(F, x, p)` |
 //! | contact from a mesh | [`contact_body`](crate::contact_body) and a form of [`contact`](crate::contact) | `ss.ContactProblem(...)` |
 //!
 //! ```

@@ -3,8 +3,8 @@
 use super::error::check_vector;
 use super::orientation::{CLEAR, Cones, Examined, examine};
 use super::uniqueness::{SINGULAR, verdict};
-use super::{LocalUniqueness, PiecewiseError, PiecewiseSmooth, Selection, active_set};
-use crate::linear::{LinearError, LinearSolver};
+use super::{ActiveSet, LocalUniqueness, PiecewiseError, PiecewiseSmooth, Selection, active_set};
+use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
 use std::fmt;
 
@@ -124,6 +124,29 @@ fn implicit_function_of(
     let certified = verdict.constant().is_some_and(f64::is_finite);
     let [right, left] = best.map(|side| side.1.filter(|_| certified));
     Ok(ImplicitFunction { verdict, right, left })
+}
+
+/// Whether the solutions near x of a map of n residuals are one Lipschitz function of all variables behind the first n, as in
+/// [`implicit_function`]. `visit` sees each regular selection that may have points near x, with the factors of its first n columns.
+pub(crate) fn implicit_verdict(
+    map: &dyn PiecewiseSmooth,
+    x: &[f64],
+    active: &ActiveSet,
+    cap: u64,
+    visit: &mut dyn FnMut(&Selection, &mut AutoSolver) -> Result<(), PiecewiseError>,
+) -> Result<LocalUniqueness, PiecewiseError> {
+    let cones = Cones::new(Box::new(map), x, active, map.num_vars());
+    let signs = examine(
+        &cones,
+        active,
+        cap,
+        (SINGULAR, false),
+        &mut |found| match found.solver {
+            Some(solver) => visit(found.selection, solver),
+            None => Ok(()),
+        },
+    )?;
+    verdict(&cones, active, signs, 0.0)
 }
 
 /// −(∇_yH^(σ))⁻¹ ∂_αH^(σ); `None` where it is inaccurate by rounding.

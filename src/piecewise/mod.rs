@@ -57,6 +57,7 @@ pub use exact_pieces::{ExactConditions, ExactForm, ExactPiece, ExactPieces, Exac
 pub use expansion::Expansions;
 #[cfg(feature = "autodiff")]
 pub use formula::{Expression, Formula, FormulaError};
+pub(crate) use implicit::implicit_verdict;
 pub use implicit::{ImplicitFunction, implicit_function};
 pub use index::local_index;
 pub use layout::TestLayout;

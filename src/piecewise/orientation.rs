@@ -244,21 +244,19 @@ impl<'a> Cones<'a> {
         };
         let mut d = target.image.clone();
         let n = d.len();
-        if target.rate != 0.0 {
+        if target.rates.iter().any(|r| *r != 0.0) {
             let mut jac = Matrix::zeros(self.map.pattern());
             self.map.jacobian(found.selection, self.x, &mut jac);
-            d.iter_mut()
-                .enumerate()
-                .for_each(|(i, d)| *d -= target.rate * jac.get(i, n));
+            let mut moved = vec![0.0; n];
+            moved.extend(&target.rates);
+            jac.as_ref().mul_add(-1.0, &moved, &mut d);
         }
         match solver.solve_in_place(&mut d) {
             Ok(()) => {}
             Err(LinearError::Inaccurate { .. }) => return Ok(Side::Unclear),
             Err(e) => return Err(e.into()),
         }
-        if self.sizes.len() > n {
-            d.push(target.rate);
-        }
+        d.extend(&target.rates);
         let rounding = 16.0 * n as f64 * f64::EPSILON;
         let clear = CLEAR.max(rounding / solver.rcond().unwrap_or(1.0));
         let margin = self.margin(found.selection, &d);
@@ -298,8 +296,8 @@ impl<'a> Cones<'a> {
         self.map.jacobian(&selection, self.x, &mut jac);
         let mut image = vec![0.0; n];
         jac.mul_vec(&d, &mut image);
-        let rate = d.get(n).copied().unwrap_or(0.0);
-        Some(Target { image, rate })
+        let rates = d[n.min(moving)..moving].to_vec();
+        Some(Target { image, rates })
     }
 }
 
@@ -361,8 +359,8 @@ pub(super) struct Examined<'a> {
 pub(super) struct Target {
     /// H'(x; d).
     image: Vec<f64>,
-    /// The change of the parameter along d, if it may move; else 0.
-    rate: f64,
+    /// The changes along d of the parameters that may move.
+    rates: Vec<f64>,
 }
 
 /// Where the preimage of a value under a selection's derivative lies.

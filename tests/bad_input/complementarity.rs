@@ -268,10 +268,34 @@ fn problems() {
     t.refuses("complementarity::Mcp::at", "no parameter", "", || {
         fixed().at(0.0).map(drop)
     });
+    t.refuses(
+        "complementarity::Mcp::at_parameters",
+        "too many",
+        "parameters",
+        || parametric().at_parameters(&[0.0; 2]).map(drop),
+    );
+    t.refuses("complementarity::Mcp::with_parameters", "bounds", "lower", || {
+        Mcp::with_parameters(times(1.0), vec![0.0], vec![INF; 2]).map(drop)
+    });
+    t.refuses(
+        "complementarity::Lcp::in_constants",
+        "other rows",
+        "columns C",
+        || {
+            let lcp = Lcp::new(Matrix::identity(2), vec![1.0; 2]).unwrap();
+            lcp.in_constants(&Matrix::identity(3)).map(drop)
+        },
+    );
     for bad in BAD {
         t.refuses("complementarity::Mcp::at", "the parameter", "parameter", || {
             parametric().at(bad).map(drop)
         });
+        t.refuses(
+            "complementarity::Mcp::at_parameters",
+            "a parameter",
+            "parameters",
+            || parametric().at_parameters(&[bad]).map(drop),
+        );
         t.survives("complementarity::Mcp::project", "x", || {
             fixed().project(&mut [bad, bad])
         });

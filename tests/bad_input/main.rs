@@ -16,6 +16,7 @@ mod named;
 mod newton;
 mod output;
 mod piecewise;
+mod sensitivity;
 mod sources;
 mod sparse;
 mod table;

@@ -491,8 +491,8 @@ def _teach_scipy() -> None:
     setattr(base, name, dispatch)
 
 
-def run(function: Callable[[Any], Any], variables: list[Any]) -> list[Any]:
-    """The values of a function of these variables, in one list."""
+def run(function: Callable[..., Any], variables: list[Any], unknowns: int | None = None) -> list[Any]:
+    """The values of a function of these variables, in one list; with a number of unknowns, of two arrays: these and the others."""
     from .numpy import in_place_of_numpy
 
     x = np.empty(len(variables), dtype=object)
@@ -501,7 +501,8 @@ def run(function: Callable[[Any], Any], variables: list[Any]) -> list[Any]:
     _state.depth = getattr(_state, "depth", 0) + 1
     try:
         with in_place_of_numpy(function):
-            values = function(x.view(Traced))
+            view = x.view(Traced)
+            values = function(view) if unknowns is None else function(view[:unknowns], view[unknowns:])
         flat = np.asarray(_flat(values), dtype=object).ravel()
     finally:
         _state.depth -= 1

@@ -44,6 +44,7 @@ __all__ = [
     "Mesh",
     "Mortar",
     "SemismoothError",
+    "Sensitivity",
     "Solution",
     "SolutionSet",
     "Transition",
@@ -55,6 +56,7 @@ __all__ = [
     "evolve",
     "follow",
     "lemke",
+    "sensitivity",
     "solve",
     "solve_cone",
     "solve_friction",
@@ -198,6 +200,37 @@ class McpResult:
     def certificate(self) -> _Vector: ...
     @property
     def time(self) -> float: ...
+    @property
+    def sensitivity(self) -> Sensitivity | None: ...
+    @property
+    def differentiable(self) -> bool | None: ...
+    def jvp(self, dp: ArrayLike) -> _Vector: ...
+    def vjp(self, dx: ArrayLike) -> _Vector: ...
+    def derivative(self) -> NDArray[np.float64]: ...
+    def valid_until(self, dp: ArrayLike, horizon: float = 1.0) -> float: ...
+
+@final
+class Sensitivity:
+    @property
+    def params(self) -> _Vector: ...
+    @property
+    def differentiable(self) -> bool | None: ...
+    @property
+    def message(self) -> str: ...
+    def jvp(self, dp: ArrayLike) -> _Vector: ...
+    def vjp(self, dx: ArrayLike) -> _Vector: ...
+    def derivative(self) -> NDArray[np.float64]: ...
+    def element(self, frame: ArrayLike | None = None) -> NDArray[np.float64]: ...
+    def branches(self, dp: ArrayLike) -> tuple[NDArray[np.float64], bool]: ...
+    def valid_until(self, dp: ArrayLike, horizon: float = 1.0) -> float: ...
+
+def sensitivity(
+    F: Callable[[Any, Any], Any],
+    x: ArrayLike,
+    params: ArrayLike,
+    lower: ArrayLike | None = None,
+    upper: ArrayLike | None = None,
+) -> Sensitivity: ...
 
 class _McpOptions(TypedDict, total=False):
     tolerance: float
@@ -215,11 +248,12 @@ class _McpOptions(TypedDict, total=False):
     restarts: int
 
 def solve(
-    H: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
+    H: Callable[..., Any] | Map | tuple[_Matrix, ArrayLike],
     x0: ArrayLike,
     jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
     *,
     pattern: _Matrix | None = None,
+    params: ArrayLike | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
     **options: Unpack[_McpOptions],
 ) -> McpResult: ...
@@ -234,13 +268,14 @@ def solve_lcp(
     **options: Unpack[_McpOptions],
 ) -> McpResult: ...
 def solve_mcp(
-    F: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
+    F: Callable[..., Any] | Map | tuple[_Matrix, ArrayLike],
     lower: ArrayLike | None,
     upper: ArrayLike | None,
     x0: ArrayLike,
     jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
     *,
     pattern: _Matrix | None = None,
+    params: ArrayLike | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
     **options: Unpack[_McpOptions],
 ) -> McpResult: ...
@@ -956,6 +991,11 @@ class ContactSolution:
     def problem(self) -> ContactProblem: ...
     @property
     def x(self) -> _Vector: ...
+    @property
+    def differentiable(self) -> bool | None: ...
+    def jvp(self, dp: ArrayLike | None = None) -> _Vector: ...
+    def vjp(self, dx: ArrayLike) -> _Vector: ...
+    def valid_until(self, dp: float = 1.0, horizon: float = 1.0) -> float: ...
     @property
     def parameter(self) -> float: ...
     @property

@@ -1,0 +1,186 @@
+//! The derivative of one selection's solutions, on factors that are kept.
+
+use super::SensitivityError;
+use crate::linear::{AutoSolver, LinearError, LinearSolver, least_singular_value};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_vector, square};
+use crate::sparse::Matrix;
+use crate::spread::Random;
+
+/// Rows up to which the least singular value of an irregular matrix is computed, densely.
+const DENSE: usize = 500;
+/// Random signs with which the rounding of all terms is propagated, and the factor from the largest result to
+/// a bound: with fewer or smaller ones, terms that happen to cancel would be taken for certain.
+const PROBES: usize = 4;
+const ALLOWANCE: f64 = 16.0;
+/// Roundings a term of a row.
+const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
+
+/// An element of the generalised derivative of the solutions x(θ): the derivative −J⁻¹ ∂_θH (n × k) of the
+/// solutions of one selection, J being its ∂_xH. It is kept as factors of J, so that products cost one solve
+/// each.
+#[derive(Debug, Clone)]
+pub struct Element {
+    selection: Selection,
+    /// (J, ∂_θH), n × (n + k).
+    jacobian: Matrix,
+    solver: AutoSolver,
+}
+
+impl Element {
+    pub(super) fn new(
+        map: &dyn PiecewiseSmooth,
+        at: &[f64],
+        selection: &Selection,
+    ) -> Result<Self, SensitivityError> {
+        let mut jacobian = Matrix::zeros(map.pattern());
+        derivatives(map, at, selection, &mut jacobian)?;
+        let mut solver = AutoSolver::new();
+        let leading = jacobian.leading_columns(map.num_residuals());
+        solver.analyze(leading.pattern)?;
+        match solver.factor(leading) {
+            Ok(()) => {}
+            Err(LinearError::Singular { rcond }) => return Err(irregular(selection, &jacobian, rcond)),
+            Err(e) => return Err(e.into()),
+        }
+        Ok(Self {
+            selection: selection.clone(),
+            jacobian,
+            solver,
+        })
+    }
+
+    /// The selection σ.
+    #[must_use]
+    pub fn selection(&self) -> &Selection {
+        &self.selection
+    }
+
+    /// The product with a change δ of the parameters (length k): the change of the solution to first order
+    /// (length n).
+    ///
+    /// # Errors
+    /// A wrong length, values that are not finite; a solve whose residual is not small.
+    pub fn jvp(&mut self, delta: &[f64]) -> Result<Vec<f64>, SensitivityError> {
+        let n = self.jacobian.nrows();
+        check_vector("the change of the parameters", delta, self.jacobian.ncols() - n)?;
+        Ok(rate(&self.jacobian, &mut self.solver, delta)?)
+    }
+
+    /// The product of the transpose with w (length n), the gradient of a function of the solution: its
+    /// gradient in the parameters (length k).
+    ///
+    /// # Errors
+    /// As [`jvp`](Self::jvp).
+    pub fn vjp(&mut self, w: &[f64]) -> Result<Vec<f64>, SensitivityError> {
+        let n = self.jacobian.nrows();
+        check_vector("the gradient in the unknowns", w, n)?;
+        let mut adjoint = w.to_vec();
+        self.solver.solve_transpose_in_place(&mut adjoint)?;
+        let mut all = vec![0.0; self.jacobian.ncols()];
+        self.jacobian.as_ref().mul_transpose_add(-1.0, &adjoint, &mut all);
+        let gradient = all.split_off(n);
+        finite(&gradient)?;
+        Ok(gradient)
+    }
+
+    /// The matrix, n × k: one solve for each parameter.
+    ///
+    /// # Errors
+    /// A solve whose residual is not small; more entries than fit into memory.
+    pub fn matrix(&mut self) -> Result<Matrix, SensitivityError> {
+        let (n, m) = (self.jacobian.nrows(), self.jacobian.ncols());
+        let mut entries = Vec::new();
+        let mut delta = vec![0.0; m - n];
+        for j in 0..m - n {
+            delta[j] = 1.0;
+            let column = rate(&self.jacobian, &mut self.solver, &delta)?;
+            delta[j] = 0.0;
+            entries.extend(column.iter().enumerate().map(|(i, v)| (i, j, *v)));
+        }
+        Ok(Matrix::from_triplets(n, m - n, &entries).map_err(LinearError::from)?)
+    }
+
+    pub(super) fn rcond(&mut self) -> f64 {
+        self.solver.rcond().unwrap_or(1.0)
+    }
+
+    /// The Newton step −J⁻¹ r.
+    pub(super) fn step(&mut self, r: &[f64]) -> Result<Vec<f64>, LinearError> {
+        let mut step: Vec<f64> = r.iter().map(|r| -r).collect();
+        self.solver.solve_in_place(&mut step)?;
+        Ok(step)
+    }
+
+    pub(super) fn widths(&mut self, d: &[f64]) -> Result<Vec<f64>, LinearError> {
+        widths(&self.jacobian, &mut self.solver, d)
+    }
+}
+
+/// (∂_xH^σ, ∂_θH^σ), checked.
+pub(super) fn derivatives(
+    map: &dyn PiecewiseSmooth,
+    at: &[f64],
+    selection: &Selection,
+    jacobian: &mut Matrix,
+) -> Result<(), PiecewiseError> {
+    jacobian.clear();
+    map.jacobian(selection, at, jacobian);
+    if let Some((row, col)) = jacobian.stray() {
+        return Err(PiecewiseError::StrayEntry { row, col });
+    }
+    match jacobian.triplets().find(|t| !t.2.is_finite()) {
+        Some((index, ..)) => Err(PiecewiseError::NotFinite {
+            what: "the derivative of the equations, row ",
+            index,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// −J⁻¹ ∂_θH δ from the factors of J.
+pub(super) fn rate(
+    jacobian: &Matrix,
+    solver: &mut AutoSolver,
+    delta: &[f64],
+) -> Result<Vec<f64>, PiecewiseError> {
+    let n = jacobian.nrows();
+    let mut change = vec![0.0; n];
+    change.extend(delta);
+    let mut rate = vec![0.0; n];
+    jacobian.as_ref().mul_add(-1.0, &change, &mut rate);
+    solver.solve_in_place(&mut rate)?;
+    finite(&rate)?;
+    Ok(rate)
+}
+
+fn finite(v: &[f64]) -> Result<(), PiecewiseError> {
+    check_vector("the derivative of the solution", v, v.len())
+}
+
+/// How far roundings of the terms of J v + ∂_θH δ, d = (v, δ), move its zero v, component by component: |J⁻¹|
+/// |(J, ∂_θH)| |d| ε, from a few solves with random signs. Independent of the units of rows and variables.
+pub(super) fn widths(jacobian: &Matrix, solver: &mut AutoSolver, d: &[f64]) -> Result<Vec<f64>, LinearError> {
+    let n = jacobian.nrows();
+    let mut terms = vec![0.0; n];
+    jacobian.as_ref().add_term_sizes(d, &mut terms);
+    let (mut widths, mut spread) = (vec![0.0_f64; n], Random::new(1));
+    for _ in 0..PROBES {
+        let sign = |t: &f64| (ROUNDINGS * t).copysign(spread.symmetric());
+        let mut moved: Vec<f64> = terms.iter().map(sign).collect();
+        solver.solve_in_place(&mut moved)?;
+        for (w, v) in widths.iter_mut().zip(&moved) {
+            *w = w.max(ALLOWANCE * v.abs());
+        }
+    }
+    Ok(widths)
+}
+
+fn irregular(selection: &Selection, jacobian: &Matrix, rcond: f64) -> SensitivityError {
+    let small = Some(jacobian).filter(|j| j.nrows() <= DENSE);
+    let value = small.and_then(|j| least_singular_value(&square(j).ok()?).ok());
+    SensitivityError::Irregular {
+        selection: selection.clone(),
+        rcond,
+        singular_value: value.map(|(value, _)| value),
+    }
+}

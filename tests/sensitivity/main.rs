@@ -1,0 +1,11 @@
+//! Derivatives of solutions: against exact arithmetic at kinks, differences away from them, and each other.
+#![cfg(feature = "autodiff")]
+
+#[path = "../common/random.rs"]
+mod random;
+
+mod contact;
+mod exact;
+mod kinks;
+mod ranges;
+mod smooth;

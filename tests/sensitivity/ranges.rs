@@ -1,0 +1,85 @@
+//! How far a piece holds.
+
+use semismooth::complementarity::Lcp;
+use semismooth::sensitivity::{Sensitivity, SensitivityError, Validity};
+use semismooth::sparse::Matrix;
+use semismooth::{parametric, solve_lcp};
+
+use super::random::Random;
+
+/// The ratio test of random problems: just before its end the solution is the extrapolated one, just after it
+/// is not.
+#[test]
+fn affine_problems_hold_exactly_up_to_the_next_kink() {
+    let mut finite = 0;
+    for seed in 0..50 {
+        let random = &mut Random::new(seed);
+        let n = 4;
+        let mut rows = random.square(n);
+        (0..n).for_each(|i| rows[i][i] += 4.0);
+        let matrix = Matrix::from_rows(&rows).unwrap();
+        let q = random.vector(n, 1.0);
+        let delta = random.vector(n, 1.0);
+        let z = solve_lcp(matrix.clone(), &q).unwrap().x;
+        let lcp = Lcp::new(matrix.clone(), q.clone()).unwrap();
+        let map = lcp.in_constants(&Matrix::identity(n)).unwrap();
+        let mut found = Sensitivity::new(map, &z, &vec![0.0; n]).unwrap();
+        let rate = found.jvp(&delta).unwrap();
+        let Validity::Exact(until) = found.valid_until(&delta, 1.0).unwrap() else {
+            panic!("the problem is affine");
+        };
+        let gap = |s: f64| {
+            let moved: Vec<f64> = q.iter().zip(&delta).map(|(q, d)| q + s * d).collect();
+            let solved = solve_lcp(matrix.clone(), &moved).unwrap().x;
+            (0..n).fold(0.0_f64, |m, i| m.max((solved[i] - z[i] - s * rate[i]).abs()))
+        };
+        if until.is_infinite() {
+            assert!(gap(1e3) < 1e-9, "seed {seed}");
+            continue;
+        }
+        finite += 1;
+        assert!(gap(until * (1.0 - 1e-9)) < 1e-10, "seed {seed}");
+        assert!(
+            gap(1.1 * until) > 1e-6 * until,
+            "seed {seed}: {}",
+            gap(1.1 * until)
+        );
+    }
+    assert!(finite > 20);
+}
+
+/// x = max(eᵖ − 2, 0) leaves its kink's side at p = ln 2; p = x² + 1 folds at p = 1.
+#[test]
+fn curved_problems_hold_up_to_the_first_event() {
+    let map = parametric(1, 1, |x, p| vec![x[0] - (p[0].exp() - 2.0).max(0.0)]);
+    let mut found = Sensitivity::new(map, &[0.0], &[0.0]).unwrap();
+    let Validity::Followed(until) = found.valid_until(&[0.5], 10.0).unwrap() else {
+        panic!("there is a kink");
+    };
+    assert!((until - 2.0 * 2.0_f64.ln()).abs() < 1e-9);
+    assert_eq!(found.valid_until(&[-1.0], 10.0).unwrap(), Validity::Beyond(10.0));
+
+    let fold = parametric(1, 1, |x, p| vec![x[0] * x[0] + 1.0 - p[0]]);
+    let mut found = Sensitivity::new(fold, &[1.0], &[2.0]).unwrap();
+    let Validity::Followed(until) = found.valid_until(&[-1.0], 5.0).unwrap() else {
+        panic!("there is a fold");
+    };
+    assert!((until - 1.0).abs() < 1e-9);
+}
+
+/// At a kink the range is that of the piece that the direction enters.
+#[test]
+fn at_kinks_the_range_is_that_of_the_piece_entered() {
+    let map = || parametric(1, 1, |x, p| vec![x[0] - p[0].max(2.0 * p[0]).min(3.0)]);
+    let mut found = Sensitivity::new(map(), &[0.0], &[0.0]).unwrap();
+    // Nested kinks are followed.
+    assert!((found.valid_until(&[1.0], 10.0).unwrap().until() - 1.5).abs() < 1e-9);
+    assert_eq!(found.valid_until(&[-1.0], 10.0).unwrap().until(), 10.0);
+    let fold = parametric(1, 1, |x, p| vec![x[0].abs() - p[0]]);
+    let mut fold = Sensitivity::new(fold, &[0.0], &[0.0]).unwrap();
+    assert!(matches!(
+        fold.valid_until(&[1.0], 1.0),
+        Err(SensitivityError::NotUnique { .. })
+    ));
+    assert!(found.valid_until(&[1.0], 0.0).is_err());
+}

@@ -1,0 +1,139 @@
+//! Away from kinks: differences, the adjoint, and what is refused.
+
+use semismooth::piecewise::{Expression, MinMap, PiecewiseError};
+use semismooth::sensitivity::{Loaded, Sensitivity, SensitivityError};
+use semismooth::sparse::Matrix;
+use semismooth::{parametric, parametric_mcp};
+
+use super::random::Random;
+
+/// Derivatives of an equilibrium with bounds are those of differences, and products with the transpose those
+/// of products with the matrix.
+#[test]
+fn derivatives_are_differences_and_the_adjoint_is_exact() {
+    fn market<'a>(x: &[Expression<'a>], p: &[Expression<'a>]) -> Vec<Expression<'a>> {
+        vec![
+            x[0].exp() - p[0] + 0.3 * x[1] * x[2],
+            x[1] * x[1] + p[1] * x[0] - 2.0 * p[0] + x[2],
+            x[2] + 1.0 + x[0] * p[1],
+        ]
+    }
+    let (lower, upper) = ([0.0; 3], [f64::INFINITY, 2.0, f64::INFINITY]);
+    let map = parametric_mcp(2, market, &lower, &upper).unwrap();
+    let solve = |p: &[f64]| {
+        semismooth::solve_mcp(
+            |x| market(x, &[p[0].into(), p[1].into()]),
+            &lower,
+            &upper,
+            &[0.5; 3],
+        )
+        .unwrap()
+        .x
+    };
+    let p = [3.0, 0.7];
+    let x = solve(&p);
+    let mut found = Sensitivity::new(&map, &x, &p).unwrap();
+    assert_eq!(found.differentiable().unwrap().known(), Some(true));
+    let derivative = found.derivative().unwrap();
+    for j in 0..2 {
+        let step = 1e-5;
+        let at = |s: f64| {
+            let mut q = p;
+            q[j] += s;
+            solve(&q)
+        };
+        let (ahead, behind) = (at(step), at(-step));
+        for i in 0..3 {
+            let difference = (ahead[i] - behind[i]) / (2.0 * step);
+            assert!((derivative.get(i, j) - difference).abs() < 1e-7);
+        }
+    }
+    let random = &mut Random::new(1);
+    for _ in 0..10 {
+        let (w, delta) = (random.vector(3, 1.0), random.vector(2, 1.0));
+        let forward: f64 = found
+            .jvp(&delta)
+            .unwrap()
+            .iter()
+            .zip(&w)
+            .map(|(a, b)| a * b)
+            .sum();
+        let adjoint: f64 = found
+            .vjp(&w)
+            .unwrap()
+            .iter()
+            .zip(&delta)
+            .map(|(a, b)| a * b)
+            .sum();
+        assert!((forward - adjoint).abs() < 1e-14);
+    }
+}
+
+/// A large sparse problem: the obstacle problem −u″ = θ₁ + θ₂ t, u ≥ 0, whose contact set does not change
+/// with small changes; its derivative solves the same equation where u > 0.
+#[test]
+fn large_sparse_problems_are_differentiated_on_sparse_factors() {
+    let n = 2000;
+    let h = 1.0 / (n as f64 + 1.0);
+    let map = parametric(n, 2, |x, p| {
+        let u = |i: usize| x[i];
+        (0..n)
+            .map(|i| {
+                let mut bend = 2.0 * u(i);
+                if i > 0 {
+                    bend = bend - u(i - 1);
+                }
+                if i + 1 < n {
+                    bend = bend - u(i + 1);
+                }
+                bend - h * h * (p[0] + p[1] * ((i + 1) as f64 * h))
+            })
+            .collect()
+    });
+    let exact = |t: f64, p: [f64; 2]| p[0] * t * (1.0 - t) / 2.0 + p[1] * t * (1.0 - t * t) / 6.0;
+    let p = [1.0, 2.0];
+    let t = |i: usize| (i + 1) as f64 * h;
+    // The differences are exact for cubic functions.
+    let x: Vec<f64> = (0..n).map(|i| exact(t(i), p)).collect();
+    let mut found = Sensitivity::new(map, &x, &p).unwrap();
+    let v = found.jvp(&[0.5, -1.0]).unwrap();
+    for i in 0..n {
+        assert!((v[i] - exact(t(i), [0.5, -1.0])).abs() < 1e-9);
+    }
+}
+
+/// What is no solution, has no parameters or no derivative is refused by an error that says so.
+#[test]
+fn errors_name_what_is_wrong() {
+    let root = || parametric(1, 1, |x, p| vec![x[0] * x[0] - p[0]]);
+    assert!(matches!(
+        Sensitivity::new(root(), &[3.0], &[4.0]),
+        Err(SensitivityError::NoSolution { variable: 0, .. })
+    ));
+    let silent = parametric(1, 2, |x, p| vec![x[0] * x[0] - p[0]]);
+    assert_eq!(
+        Sensitivity::new(silent, &[2.0], &[4.0, 1.0]).unwrap_err(),
+        SensitivityError::NotEntering { parameter: 1 }
+    );
+    let plain = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = x[0];
+        b[0] = 2.0 * x[0];
+    });
+    assert!(matches!(
+        Sensitivity::new(&plain, &[0.0], &[]),
+        Err(SensitivityError::NoParameters {
+            vars: 1,
+            residuals: 1
+        })
+    ));
+    assert!(Loaded::new(&plain, Matrix::identity(2)).is_err());
+    let steep = parametric(1, 1, |x, p| vec![x[0] - p[0].sqrt()]);
+    assert!(matches!(
+        Sensitivity::new(steep, &[0.0], &[0.0]),
+        Err(SensitivityError::Map(PiecewiseError::NotFinite { .. }))
+    ));
+    let mut found = Sensitivity::new(root(), &[2.0], &[4.0]).unwrap();
+    assert!(found.jvp(&[1.0, 1.0]).is_err() && found.vjp(&[f64::NAN]).is_err());
+    let singular = found.element(&[[0.0]]).unwrap_err();
+    assert_eq!(singular, SensitivityError::Frame { expected: 1 });
+}
