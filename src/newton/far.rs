@@ -9,6 +9,11 @@ use crate::sparse::{Matrix, norm};
 const BESIDE: f64 = 1.0 / 1024.0;
 
 impl Run<'_> {
+    /// Rounding of a residual as a part of the size of its terms.
+    pub(super) fn floor(&self) -> f64 {
+        8.0 * f64::EPSILON * (self.n as f64).sqrt().max(4.0)
+    }
+
     /// A row whose constants are less than the rounding of its terms, where x₀ = x₁ and x₀ = x₁ + 1 look the same, although the rows that
     /// determine its unknowns are dependent or curved. Independent straight rows have a solution there, however far out it is. None where the
     /// user's absolute tolerance is met, which compares with nothing.

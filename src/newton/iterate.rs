@@ -248,11 +248,6 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Rounding of a residual as a part of the size of its terms.
-    pub(super) fn floor(&self) -> f64 {
-        8.0 * f64::EPSILON * (self.n as f64).sqrt().max(4.0)
-    }
-
     /// Tolerance on the residual relative to the size of its terms; the rounding floor of those terms counts as converged once
     /// the residual no longer falls. May improve a solution.
     fn converged(
