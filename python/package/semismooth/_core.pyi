@@ -55,6 +55,7 @@ __all__ = [
     "evolve",
     "follow",
     "lemke",
+    "report",
     "solve",
     "solve_cone",
     "solve_friction",
@@ -499,6 +500,20 @@ def follow(
     names: Sequence[str] | None = None,
     **options: Unpack[_FollowOptions],
 ) -> Branch: ...
+
+def report(
+    problem: Callable[[Any], Any] | Map | ContactProblem,
+    path: str | PathLike[str],
+    parameter_range: tuple[float, float] | None = None,
+    x0: ArrayLike | None = None,
+    *,
+    levels: ArrayLike | None = None,
+    loads: ArrayLike | None = None,
+    title: str | None = None,
+    names: Sequence[str] | None = None,
+    drawn: Sequence[int] | None = None,
+    max_time: float = 20.0,
+) -> None: ...
 
 @final
 class CharacterChange:
