@@ -121,6 +121,27 @@ pub(crate) fn at_parameter(
     }
 }
 
+/// A number rounded to six digits.
+pub(crate) struct Short(pub(crate) f64);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (value, size) = (self.0, self.0.abs());
+        if size == 0.0 {
+            return f.write_str("0");
+        }
+        if !(1e-4..1e6).contains(&size) {
+            return write!(f, "{value:.5e}");
+        }
+        let digits = (5.0 - size.log10().floor()).clamp(0.0, 9.0) as usize;
+        let text = format!("{value:.digits$}");
+        f.write_str(match text.contains('.') {
+            true => text.trim_end_matches('0').trim_end_matches('.'),
+            false => &text,
+        })
+    }
+}
+
 /// The first coordinates of a point, rounded to six digits.
 pub(crate) struct Coordinates<'a>(pub(crate) &'a [f64]);
 
@@ -130,18 +151,7 @@ impl fmt::Display for Coordinates<'_> {
         f.write_str("(")?;
         for (k, value) in self.0.iter().take(FIRST).enumerate() {
             let gap = if k > 0 { ", " } else { "" };
-            let size = value.abs();
-            if size == 0.0 || (1e-4..1e6).contains(&size) {
-                let digits = (5.0 - size.max(1e-4).log10().floor()).clamp(0.0, 9.0) as usize;
-                let text = format!("{value:.digits$}");
-                let short = match text.contains('.') {
-                    true => text.trim_end_matches('0').trim_end_matches('.'),
-                    false => &text,
-                };
-                write!(f, "{gap}{}", if size == 0.0 { "0" } else { short })?;
-            } else {
-                write!(f, "{gap}{value:.5e}")?;
-            }
+            write!(f, "{gap}{}", Short(*value))?;
         }
         match self.0.len().saturating_sub(FIRST) {
             0 => f.write_str(")"),

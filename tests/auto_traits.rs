@@ -206,6 +206,7 @@ fn of_every_build() -> Vec<&'static str> {
         "continuation::Progress": continuation::Progress<'static>,
         "continuation::SavedRun": continuation::SavedRun,
         "continuation::SearchOptions": continuation::SearchOptions,
+        "continuation::SolutionList": continuation::SolutionList,
         "continuation::SectionProgress": continuation::SectionProgress<'static>,
         "continuation::SiteChange": continuation::SiteChange,
         "continuation::SmoothFold": continuation::SmoothFold,
@@ -392,6 +393,9 @@ fn of_svg() -> Vec<&'static str> {
         "output::Curve": output::Curve,
         "output::Marker": output::Marker,
         "output::Panel": output::Panel,
+        "output::Report": output::Report,
+        "output::ReportError": output::ReportError,
+        "output::ReportOptions": output::ReportOptions,
         "output::SegmentStyle": output::SegmentStyle,
     }
 }
@@ -465,6 +469,8 @@ fn errors_are_data() {
     error::<semismooth::linear::LinearError>();
     error::<semismooth::newton::NewtonError>();
     error::<semismooth::output::OutputError>();
+    #[cfg(feature = "svg")]
+    error::<semismooth::output::ReportError>();
     error::<semismooth::piecewise::PiecewiseError>();
     error::<semismooth::piecewise::check::CheckError>();
     error::<semismooth::cones::ConeError>();

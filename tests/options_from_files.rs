@@ -41,6 +41,8 @@ fn all_options_have_files() {
     check::<ContinuationOptions>();
     check::<DiagramOptions>();
     check::<SearchOptions>();
+    #[cfg(feature = "svg")]
+    check::<semismooth::output::ReportOptions>();
     check::<EnumerationOptions>();
     check::<CheckOptions>();
     check::<RegularityOptions>();

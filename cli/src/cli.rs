@@ -118,9 +118,15 @@ pub fn run(
     };
     let Some(stub) = &request.stub else {
         return Err(CliError::Usage(
-            "which problem? semismooth FILE.nl; see --help".into(),
+            "which problem? semismooth COMMAND FILE, or semismooth FILE.nl; see --help".into(),
         ));
     };
+    if let Some(command) = meant(stub).filter(|_| !request.ampl) {
+        return Err(CliError::Usage(format!(
+            "there is no command and no file \"{}\"; did you mean {command}? See --help",
+            stub.display()
+        )));
+    }
     let mut options = Options::default();
     options
         .take(environment.unwrap_or_default())
@@ -148,6 +154,39 @@ pub fn run(
         fs::write(&output, solution.to_sol(&model.header)).map_err(|source| file_error(&output, source))?;
     }
     report(&options, &solution, out)
+}
+
+/// The command that a word without a file of that name is a misspelling of, if it is one.
+fn meant(stub: &Path) -> Option<String> {
+    let word = stub
+        .to_str()
+        .filter(|_| !files(stub).0.exists() && stub.extension().is_none())?;
+    let distances = commands::names()
+        .into_iter()
+        .map(|name| (misspelt(word, &name), name));
+    let (distance, name) = distances.min()?;
+    (distance <= 2 && distance < name.len() / 2).then_some(name)
+}
+
+/// The number of letters that are missing, too many or others, two that are exchanged being one (optimal string alignment).
+fn misspelt(word: &str, name: &str) -> usize {
+    let [a, b] = [word, name].map(|w| w.chars().collect::<Vec<_>>());
+    let mut rows = vec![(0..=b.len()).collect::<Vec<_>>()];
+    for i in 1..=a.len() {
+        let mut row = vec![i];
+        for j in 1..=b.len() {
+            let same = usize::from(a[i - 1] != b[j - 1]);
+            let mut least = (rows[i - 1][j] + 1)
+                .min(row[j - 1] + 1)
+                .min(rows[i - 1][j - 1] + same);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                least = least.min(rows[i - 2][j - 2] + 1);
+            }
+            row.push(least);
+        }
+        rows.push(row);
+    }
+    rows[a.len()][b.len()]
 }
 
 /// The .nl and .sol files of a stub, which AMPL passes without extension and Pyomo with one.
@@ -207,10 +246,20 @@ fn report(options: &Options, solution: &Solution, out: &mut dyn Write) -> Result
 fn help(out: &mut dyn Write) -> Result<(), CliError> {
     writeln!(
         out,
-        "{VERSION}: solves mixed complementarity problems, square systems and first-order\n\
-         conditions of nonlinear programs from AMPL's .nl files.\n\n\
-         semismooth FILE[.nl] [-AMPL] [option=value …]\n  \
-         semismooth help         the commands:\n    {}\n\n  \
+        "{VERSION}: equations and structures with kinks: contact, friction, stops, switches.\n\n\
+         semismooth COMMAND FILE.toml\n"
+    )?;
+    for (name, what) in commands::jobs() {
+        writeln!(out, "  {name:12} {what}")?;
+    }
+    writeln!(
+        out,
+        "\n  semismooth init COMMAND         writes a commented FILE.toml to begin with\n  \
+         semismooth help COMMAND         its arguments\n  \
+         semismooth help                 all commands:\n  {}\n\n\
+         As a solver for AMPL and Pyomo, of mixed complementarity problems, square systems and\n\
+         first-order conditions of nonlinear programs:\n\n\
+         semismooth FILE[.nl] [-AMPL] [option=value …]\n\n  \
          -AMPL      write FILE.sol, as AMPL and Pyomo ask for\n  \
          -s         the same\n  \
          -v         print the version\n  \

@@ -1,9 +1,9 @@
 //! See `semismooth --help` and `semismooth help`.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
-use semismooth_cli::cli::{self, ENVIRONMENT};
+use semismooth_cli::cli::{self, CliError, ENVIRONMENT};
 use semismooth_cli::commands;
 
 fn main() -> ExitCode {
@@ -18,7 +18,11 @@ fn main() -> ExitCode {
     }
     let environment = std::env::var_os(ENVIRONMENT).map(|v| v.to_string_lossy().into_owned());
     let result = cli::run(arguments, environment.as_deref(), &mut out).and_then(|()| Ok(out.flush()?));
-    ended(result.map_err(|e| (1, e.to_string())))
+    match result {
+        // The reader of the output has closed the pipe (`| head`), which is no failure.
+        Err(CliError::Output(e)) if e.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        other => ended(other.map_err(|e| (1, e.to_string()))),
+    }
 }
 
 fn ended(result: Result<(), (u8, String)>) -> ExitCode {

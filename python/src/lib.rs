@@ -18,6 +18,7 @@ mod lists;
 mod map;
 mod mesh;
 mod names;
+mod report;
 mod saving;
 mod sensitivity;
 mod solution;
@@ -54,6 +55,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     given::register(module)?;
     contact::register(module)?;
     solution::register(module)?;
+    report::register(module)?;
     saving::register(module)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))
 }

@@ -41,7 +41,8 @@ pub use record::{
 };
 pub use save::SavedRun;
 pub use search::{
-    FoundBy, FoundSolution, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
+    FoundBy, FoundSolution, FoundSolutions, SearchOptions, SolutionList, list_solutions, search_solutions,
+    search_solutions_observed,
 };
 pub use start::Direction;
 pub use two_parameters::{CharacterChange, FoldSet, TransitionSet};

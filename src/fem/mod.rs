@@ -46,4 +46,4 @@ pub use mortar::Mortar;
 pub use multipliers::MultiplierSpace;
 pub use plastic::{PlasticBody, PlasticEnergies};
 pub use trace::TraceSpace;
-pub use von_mises::{PlasticResponse, PlasticState, VonMises};
+pub use von_mises::{PlasticResponse, PlasticState, VonMises, von_mises_stress};

@@ -180,6 +180,22 @@ impl VonMises {
     }
 }
 
+/// The equivalent stress of von Mises, (3/2 s : s)^½ of σ = (σ₁₁, σ₂₂, σ₃₃, σ₁₂, σ₂₃, σ₁₃) with its deviator s, in the unit of σ.
+///
+/// ```
+/// // Under tension it is the tension, under a shear τ it is √3 τ, and a pressure has none.
+/// use semismooth::fem::von_mises_stress;
+/// assert_eq!(von_mises_stress(&[-2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 2.0);
+/// assert!((von_mises_stress(&[0.0, 0.0, 0.0, 2.0, 0.0, 0.0]) - 12f64.sqrt()).abs() < 1e-15);
+/// assert_eq!(von_mises_stress(&[7.0, 7.0, 7.0, 0.0, 0.0, 0.0]), 0.0);
+/// ```
+#[must_use]
+pub fn von_mises_stress(stress: &[f64; 6]) -> f64 {
+    let [a, b, c, shear @ ..] = *stress;
+    let normal = (a - b).powi(2) + (b - c).powi(2) + (c - a).powi(2);
+    (0.5 * normal + 3.0 * shear.iter().map(|s| s * s).sum::<f64>()).sqrt()
+}
+
 /// From engineering (doubled) shear strains to components of the tensor.
 const fn undoubled(a: usize) -> f64 {
     if a < 3 { 1.0 } else { 0.5 }

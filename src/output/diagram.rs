@@ -410,6 +410,14 @@ impl Panel {
         self
     }
 
+    /// Removes all marks of one kind.
+    pub(super) fn without_marks(mut self, kind: Marker) -> Self {
+        self.curves
+            .iter_mut()
+            .for_each(|c| c.marks.retain(|m| m.0 != kind));
+        self
+    }
+
     /// Takes logarithms to base 10 where an axis is logarithmic.
     ///
     /// # Errors

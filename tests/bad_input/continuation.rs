@@ -4,7 +4,7 @@ use std::time::Duration;
 use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{
     Arm, Branch, Continuation, ContinuationOptions, Diagram, DiagramOptions, Direction, FoldSet,
-    SearchOptions, TransitionSet, arms_at, certify, certify_with, search_solutions,
+    SearchOptions, TransitionSet, arms_at, certify, certify_with, list_solutions, search_solutions,
 };
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::linear::AutoSolver;
@@ -241,6 +241,10 @@ fn curves() {
         });
         t.refuses("continuation::search_solutions", "the parameter", "", || {
             search_solutions(&map, bad, &[ON], &SearchOptions::default())
+        });
+        t.refuses("continuation::list_solutions", "the parameter", "", || {
+            let (enumeration, search) = (EnumerationOptions::default(), SearchOptions::default());
+            list_solutions(&map, bad, &enumeration, &search, &|| false)
         });
         t.refuses(
             "continuation::Diagram::explore_sections",

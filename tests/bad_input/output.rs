@@ -108,6 +108,8 @@ fn outputs() {
     }
     #[cfg(feature = "svg")]
     pictures(&mut t, &branch);
+    #[cfg(feature = "svg")]
+    reports(&mut t);
     {
         use semismooth::fem::Mesh;
         use semismooth::output::{Field, write_pvd, write_vtu};
@@ -135,6 +137,88 @@ fn outputs() {
         }
     }
     t.finish();
+}
+
+/// A square on the ground.
+#[cfg(feature = "svg")]
+fn block() -> (
+    semismooth::contact::CondensedContact<semismooth::contact::PlanarCoulomb>,
+    semismooth::fem::ElasticSystem,
+    semismooth::fem::ContactRows,
+) {
+    use semismooth::contact::{CondensedContact, ContactBody, FrictionCoefficient, LoadPath, PlanarCoulomb};
+    use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
+    let mesh = Mesh::rectangle([0.0; 2], [1.0; 2], [1, 1]).unwrap();
+    let elasticity = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap()).fix("top");
+    let system = elasticity.assemble().unwrap();
+    let rows = system
+        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
+        .unwrap();
+    let load = LoadPath::constant(vec![0.0; system.num_free()]);
+    let tangential = vec![rows.tangential.clone()];
+    let body = ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, load).unwrap();
+    let law = PlanarCoulomb::new(FrictionCoefficient::constant(0.4).unwrap());
+    (CondensedContact::new(body, law).unwrap(), system, rows)
+}
+
+#[cfg(feature = "svg")]
+fn reports(t: &mut Table) {
+    use semismooth::output::{Report, ReportOptions};
+    let map = vee();
+    let of = |names: &[&str], x: &[f64], to: f64, options: &ReportOptions| {
+        Report::of_map(&map, names, x, to, options, |_| ControlFlow::Continue(()))
+    };
+    let default = ReportOptions::default();
+    let (names, entry) = (["y", "α"], "output::Report::of_map");
+    t.refuses(entry, "names", "1 names for 2 variables", || {
+        of(&["y"], &[0.5, 0.5], 1.0, &default)
+    });
+    t.refuses(entry, "a start", "1 numbers for 2 variables", || {
+        of(&names, &[0.5], 1.0, &default)
+    });
+    t.refuses(entry, "a range", "two different finite values", || {
+        of(&names, &[0.5, 0.5], 0.5, &default)
+    });
+    t.refuses(entry, "a variable", "variable 2 is to be drawn", || {
+        of(
+            &names,
+            &[0.5, 0.5],
+            1.0,
+            &ReportOptions::default().with_drawn(vec![2]),
+        )
+    });
+    for bad in BAD {
+        t.refuses(entry, "a range", "two different finite values", || {
+            of(&names, &[0.5, 0.5], bad, &default)
+        });
+        t.refuses(entry, "a start", "", || of(&names, &[bad, 0.5], 1.0, &default));
+        let loads = ReportOptions::default().with_loads(vec![bad]);
+        t.refuses(entry, "a load", "the load", || {
+            of(&names, &[0.5, 0.5], 1.0, &loads)
+        });
+        t.refuses("output::ReportOptions::validate", "a load", "the load", || {
+            loads.validate()
+        });
+    }
+    let (mut problem, system, rows) = block();
+    let mut few = rows.clone();
+    few.nodes.clear();
+    let observe = |_: &str| ControlFlow::Continue(());
+    for (range, body, names) in [
+        ([0.0, 0.0], &rows, "two different"),
+        ([0.0, 1.0], &few, "0 contact nodes"),
+    ] {
+        t.refuses("output::Report::of_contact", names, names, || {
+            Report::of_contact(&problem, Some((&system, body)), range, &default, observe)
+        });
+    }
+    t.refuses("output::Report::of_history", "one level", "at least two", || {
+        Report::of_history(&mut problem, None, &[0.0], &default, observe)
+    });
+    let report = of(&names, &[0.5, 0.5], 1.0, &default).unwrap();
+    t.refuses("output::Report::write", "no folder", "no/such", || {
+        report.write("no/such/report.html")
+    });
 }
 
 #[cfg(feature = "svg")]

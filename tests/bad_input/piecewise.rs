@@ -273,6 +273,12 @@ fn piecewise_maps() {
             semismooth::piecewise::Formula::read(&[text], &["y"])
         });
     }
+    t.refuses(
+        "piecewise::Formula::read_with",
+        "a constant",
+        "the constant k is inf",
+        || semismooth::piecewise::Formula::read_with(&["k*y"], &["y"], &[("k", f64::INFINITY)]),
+    );
 
     for bad in BAD {
         for x in [[bad, 0.0], [0.0, bad]] {

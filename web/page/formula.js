@@ -59,6 +59,15 @@ const formulaTab = (() => {
     element('formula-here').textContent = edge ? `${values(edge.points[here[1]])}, det ${signOf(edge.det[here[1]])}; ${edge.pieces.join('; ')}` : '';
   });
 
+  // What was shown of another formula is not left beside a mistake.
+  const clear = () => {
+    current = null;
+    element('formula-drawing').replaceChildren();
+    for (const name of ['here', 'certificate', 'index-sum', 'completeness']) element(`formula-${name}`).textContent = '';
+    for (const name of ['solutions', 'events']) element(`formula-${name}`).replaceChildren();
+    element('a-words').textContent = `a = ${shown(state.formula.at)}`;
+  };
+
   const redraw = () => {
     controls();
     const s = copyOf(state.formula);
@@ -68,7 +77,7 @@ const formulaTab = (() => {
     const known = current?.key === key;
     const answer = computations.ask({ ask: 'formula', formula: { equations, range, reach, at: s.at, diagram: !known } });
     mistake(answer.error);
-    if (answer.error) return;
+    if (answer.error) { clear(); return; }
     const { unknowns, solutions } = answer.ok;
     const diagram = answer.ok.diagram ?? current.diagram;
     current = { s, key, diagram, solutions };

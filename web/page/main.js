@@ -62,7 +62,8 @@ const sideBySide = (texts, width) => {
 
 const setTheme = (dark) => {
   document.documentElement.classList.toggle('dark', dark);
-  element('theme').setAttribute('aria-pressed', String(dark));
+  // The button says what it does.
+  element('theme').textContent = dark ? 'Light theme' : 'Dark theme';
 };
 element('theme').addEventListener('click', () => { setTheme(!document.documentElement.classList.contains('dark')); redraw(); });
 const preferred = matchMedia('(prefers-color-scheme: dark)');

@@ -374,9 +374,20 @@ class Page(unittest.TestCase):
         self.browser.settle()
         self.assertEqual(self.browser.run("[...document.querySelectorAll('.equation input')].map((e) => e.getAttribute('aria-invalid'))"), ["false", "true"])
         self.assertIn("expected at the end", self.browser.run("document.querySelector('#mistake-1').textContent"))
+        # Nothing of the formula before is left beside the mistake.
+        shown = "[document.querySelectorAll('#formula-drawing svg').length, document.querySelector('#formula-certificate').textContent === '']"
+        self.assertEqual(self.browser.run(shown), [0, True])
         self.browser.run("(() => { const e = document.querySelector('#equation-1'); e.value = ''; e.dispatchEvent(new Event('input')); })()")
         self.browser.settle()
         self.assertEqual(self.browser.run("document.querySelector('#mistake-1').textContent"), "")
+        self.assertEqual(self.browser.run(shown), [1, False])
+
+    def test_the_button_says_which_theme_it_turns_on(self):
+        self.load("#tab=formula")
+        said = "document.querySelector('#theme').textContent"
+        before = self.browser.run(said)
+        self.browser.run("document.querySelector('#theme').click()")
+        self.assertEqual({before, self.browser.run(said)}, {"Dark theme", "Light theme"})
 
     def test_dark_and_narrow(self):
         for width, dark in [(1280, False), (1280, True), (390, False), (390, True)]:

@@ -6,6 +6,7 @@ mod friction;
 mod options;
 mod problem;
 mod progress;
+mod report;
 mod run_file;
 mod text;
 
@@ -18,6 +19,7 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 pub use self::error::CommandError;
 use self::friction::FrictionArgs;
 use self::options::OptionsArgs;
+use self::report::ReportArgs;
 use self::run_file::RunArgs;
 
 /// Piecewise-smooth equations: contact with friction, complementarity problems
@@ -34,14 +36,15 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// A body in contact with Coulomb friction: a history of loading, or the curve of solutions
+    /// A body in contact with friction: a history of loading, or the curve of solutions
     Contact(RunArgs),
-    /// The curve of solutions of equations with kinks, or of a folder with a discrete friction problem
+    /// The curve of solutions of equations with kinks, or of a friction problem in a folder
     Follow(RunArgs),
-    /// All curves of solutions connected to given starts, or to all solutions at some parameters
+    /// All curves of solutions connected to given starts, or to all solutions at some loads
     Diagram(RunArgs),
     /// All solutions at given parameters
     Solutions(RunArgs),
+    Report(ReportArgs),
     Friction(FrictionArgs),
     Options(OptionsArgs),
     Init(InitArgs),
@@ -88,6 +91,16 @@ pub fn names() -> Vec<String> {
     names.collect()
 }
 
+/// The commands for jobs, with a line on each.
+#[must_use]
+pub fn jobs() -> Vec<(String, String)> {
+    let program = Arguments::command();
+    let jobs = ["contact", "follow", "diagram", "solutions", "report"];
+    let found = jobs.iter().filter_map(|name| program.find_subcommand(name));
+    let about = |c: &clap::Command| c.get_about().map(ToString::to_string).unwrap_or_default();
+    found.map(|c| (c.get_name().to_owned(), about(c))).collect()
+}
+
 /// Runs a command with its arguments (without the name of the program).
 ///
 /// # Errors
@@ -99,6 +112,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, out: &mut dyn Write) -
         Command::Follow(arguments) => problem::follow(&arguments, out),
         Command::Diagram(arguments) => problem::diagram(&arguments, out),
         Command::Solutions(arguments) => problem::solutions(&arguments, out),
+        Command::Report(arguments) => report::run(&arguments, out),
         Command::Friction(arguments) => friction::run(&arguments, out),
         Command::Options(arguments) => options::run(&arguments, out),
         Command::Init(arguments) => init(&arguments, out),

@@ -1,4 +1,4 @@
-//! Progress of long runs, and an orderly end on Ctrl-C.
+//! Progress of long runs, and an orderly end on Ctrl-C, SIGTERM and SIGHUP.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use super::error::CommandError;
 /// Fits 80 columns, without colours.
 const TEMPLATE: &str = "{elapsed_precise} [{bar:30}] {percent:>3} %  {msg:20!}";
 
-/// A progress bar on standard error (if that is a terminal), and whether Ctrl-C was pressed.
+/// A progress bar on standard error (if that is a terminal), and whether Ctrl-C was pressed, or the process was told to terminate.
 pub(super) struct Progress {
     bar: ProgressBar,
     cancelled: Arc<AtomicBool>,

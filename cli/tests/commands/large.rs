@@ -1,5 +1,7 @@
 //! Large bodies, solved in the displacements, and interrupted runs.
 
+use std::path::Path;
+
 use crate::{folder, printed, refused, run_file, table};
 
 /// A solid in place of the rectangle.
@@ -83,9 +85,6 @@ fn both_routes_have_the_same_forces() {
 #[cfg(target_os = "linux")]
 #[test]
 fn one_interrupt_ends_a_search_for_all_solutions() {
-    use std::process::{Command, Stdio};
-    use std::time::{Duration, Instant};
-
     let n = 40;
     let names: Vec<String> = (0..n).map(|i| format!("\"x{i}\"")).collect();
     let equations: Vec<String> = (0..n)
@@ -104,47 +103,87 @@ fn one_interrupt_ends_a_search_for_all_solutions() {
         names.join(", "),
         equations.join(",\n")
     );
-    // Signal n is bit n − 1 of the mask; SIGINT is 2.
-    let handles_interrupts = |id: u32| {
-        let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
-        let caught = status.lines().find_map(|l| l.strip_prefix("SigCgt:"));
-        caught.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).is_ok_and(|m| m & 2 != 0))
-    };
     for (command, run) in [
         ("diagram", "range = [-1.0, 1.0]\nsections = [0.0]"),
         ("solutions", "at = [0.0]"),
     ] {
         let folder = folder(&format!("interrupted {command}"));
         std::fs::write(folder.join("run.toml"), format!("{problem}\n[run]\n{run}\n")).unwrap();
-        let mut child = Command::new(env!("CARGO_BIN_EXE_semismooth"))
-            .args([command, "run.toml"])
-            .current_dir(&folder)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let begun = Instant::now();
-        while !handles_interrupts(child.id()) && begun.elapsed() < Duration::from_secs(60) {
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        std::thread::sleep(Duration::from_millis(100));
-        assert!(
-            child.try_wait().unwrap().is_none(),
-            "{command}: it has ended by itself"
-        );
-        let signal = Command::new("kill")
-            .args(["-INT", &child.id().to_string()])
-            .status();
-        assert!(signal.unwrap().success());
-        while child.try_wait().unwrap().is_none() {
-            if begun.elapsed() > Duration::from_secs(120) {
-                child.kill().unwrap();
-            }
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        let output = child.wait_with_output().unwrap();
+        let output = signalled(&folder, &[command, "run.toml"], ("INT", 2));
         let message = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(130), "{message}");
         assert!(message.contains("interrupted before the"), "{message}");
     }
+}
+
+/// A signal to terminate ends a history like Ctrl-C: its table has whole rows, and its picture is drawn.
+#[cfg(target_os = "linux")]
+#[test]
+fn termination_leaves_whole_tables() {
+    let folder = folder("terminated");
+    let levels: Vec<String> = (0..100_000)
+        .map(|k| format!("{:.1}", f64::from(k % 2) * 0.1))
+        .collect();
+    let changed = format!("levels = [{}]", levels.join(", "));
+    run_file(
+        &folder,
+        &[
+            (
+                "levels = [0.0, 0.25, 0.5, 0.75, 1.0, 0.5, 0.0, -0.5, -1.0]",
+                &changed,
+            ),
+            ("# fields = true ", "fields = false #"),
+        ],
+    );
+    let output = signalled(&folder, &["contact", "run.toml", "--quiet"], ("TERM", 15));
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{message}");
+    assert!(message.contains("interrupted after the level"), "{message}");
+    let text = std::fs::read_to_string(folder.join("out/history.csv")).unwrap();
+    let rows = table(&folder.join("out/history.csv"));
+    assert!(text.ends_with('\n') && rows.iter().all(|row| row.len() == rows[0].len()));
+    assert!(rows.len() > 1 && rows.len() < levels.len(), "{}", rows.len());
+    assert!(folder.join("out/history.svg").exists());
+}
+
+/// The output of a command that gets a signal, by its name and number, a tenth of a second after it begins to handle it.
+#[cfg(target_os = "linux")]
+fn signalled(folder: &Path, arguments: &[&str], (name, number): (&str, u32)) -> std::process::Output {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+
+    // Signal n is bit n − 1 of the mask.
+    let handles = |id: u32| {
+        let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+        let caught = status.lines().find_map(|l| l.strip_prefix("SigCgt:"));
+        let mask = caught.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+        mask.is_some_and(|m| m >> (number - 1) & 1 == 1)
+    };
+    let mut child = Command::new(env!("CARGO_BIN_EXE_semismooth"))
+        .args(arguments)
+        .current_dir(folder)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let begun = Instant::now();
+    while !handles(child.id()) && begun.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_millis(100));
+    assert!(
+        child.try_wait().unwrap().is_none(),
+        "{arguments:?}: it has ended by itself"
+    );
+    let signal = Command::new("kill")
+        .args([&format!("-{name}"), &child.id().to_string()])
+        .status();
+    assert!(signal.unwrap().success());
+    while child.try_wait().unwrap().is_none() {
+        if begun.elapsed() > Duration::from_secs(120) {
+            child.kill().unwrap();
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    child.wait_with_output().unwrap()
 }

@@ -3,6 +3,7 @@
 mod large;
 mod matrices;
 mod problems;
+mod reports;
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -465,7 +466,7 @@ fn no_colours_are_printed() {
 fn shells_and_manuals_know_the_commands() {
     let folder = folder("help");
     let commands = semismooth_cli::commands::names();
-    assert_eq!(commands.len(), 9);
+    assert_eq!(commands.len(), 10);
     for arguments in [
         &["help"][..],
         &["--help"],

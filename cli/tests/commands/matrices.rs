@@ -55,7 +55,7 @@ fn matrices_give_the_history_of_their_mesh() {
     matrices_file(&folder, &[]);
     let text = printed(&folder, &["contact", "run.toml"]);
     assert!(
-        text.contains("history.csv, level_*.csv") && !text.contains("note"),
+        text.contains("history.csv, history.svg, level_*.csv") && !text.contains("note"),
         "{text}"
     );
     let [own, other] = ["out", "mesh"].map(|f| table(&folder.join(f).join("history.csv")));

@@ -339,37 +339,37 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
             "follow",
             "range = [0.0, 2.0]",
             "range = [1.0, 1.0]",
-            &["line 16", "run.range", "two different"],
+            &["line 17", "run.range", "two different"],
         ),
         (
             "follow",
             "range = [0.0, 2.0]",
             "range = [0.0, inf]",
-            &["line 16", "run.range"],
+            &["line 17", "run.range"],
         ),
         (
             "follow",
             "range = [0.0, 2.0]\n",
             "",
-            &["line 14", "run.range", "wanted"],
+            &["line 15", "run.range", "wanted"],
         ),
         (
             "follow",
             "# start = [0.0]",
             "start = [0.0, 0.0]",
-            &["line 18", "run.start", "2 numbers for 1"],
+            &["line 19", "run.start", "2 numbers for 1"],
         ),
         (
             "follow",
             "# plot = [\"y\"]",
             "plot = [\"z\"]",
-            &["line 27", "output.plot", "\"z\""],
+            &["line 28", "output.plot", "\"z\""],
         ),
         (
             "follow",
             "# [options]\n# max_step = 1.0",
             "[options]\nmax_stepp = 1.0",
-            &["line 21", "options", "max_stepp"],
+            &["line 22", "options", "max_stepp"],
         ),
         (
             "follow",
@@ -382,31 +382,31 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
             "diagram",
             "sections = [-1.0, 0.5, 2.0]",
             "# none",
-            &["line 13", "run", "one of starts and sections"],
+            &["line 14", "run", "one of starts and sections"],
         ),
         (
             "diagram",
             "sections = [-1.0, 0.5, 2.0]",
             "starts = [[0.0, 0.0]]",
-            &["line 17", "run.starts", "2 numbers, expected 3"],
+            &["line 18", "run.starts", "2 numbers, expected 3"],
         ),
         (
             "diagram",
             "sections = [-1.0, 0.5, 2.0]",
             "sections = [nan]",
-            &["line 17", "run.sections"],
+            &["line 18", "run.sections"],
         ),
         (
             "solutions",
             "at = [-1.0, 0.5, 2.0]",
             "at = []",
-            &["line 13", "run.at", "wanted"],
+            &["line 14", "run.at", "wanted"],
         ),
         (
             "solutions",
             "at = [-1.0, 0.5, 2.0]",
             "at = [nan]",
-            &["line 15", "run.at", "NaN"],
+            &["line 16", "run.at", "NaN"],
         ),
         (
             "solutions",
@@ -438,7 +438,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
     );
     let message = refused(&folder, &["follow", "run.toml"]);
     assert!(
-        message.contains("line 12, problem.folder") && message.contains("A.mtx"),
+        message.contains("line 13, problem.folder") && message.contains("A.mtx"),
         "{message}"
     );
 }

@@ -56,6 +56,7 @@ __all__ = [
     "evolve",
     "follow",
     "lemke",
+    "report",
     "sensitivity",
     "solve",
     "solve_cone",
@@ -534,6 +535,20 @@ def follow(
     names: Sequence[str] | None = None,
     **options: Unpack[_FollowOptions],
 ) -> Branch: ...
+
+def report(
+    problem: Callable[[Any], Any] | Map | ContactProblem,
+    path: str | PathLike[str],
+    parameter_range: tuple[float, float] | None = None,
+    x0: ArrayLike | None = None,
+    *,
+    levels: ArrayLike | None = None,
+    loads: ArrayLike | None = None,
+    title: str | None = None,
+    names: Sequence[str] | None = None,
+    drawn: Sequence[int] | None = None,
+    max_time: float = 20.0,
+) -> None: ...
 
 @final
 class CharacterChange:

@@ -1,12 +1,14 @@
 //! Heuristic search for solutions at a fixed parameter, where there are too many selections to enumerate or pieces are curved.
 
 mod deflation;
+mod list;
 mod options;
 
 use std::fmt;
 use std::ops::ControlFlow;
 
 use self::deflation::Steps;
+pub use self::list::{SolutionList, list_solutions};
 pub use self::options::SearchOptions;
 use super::start::slices;
 use super::{ContinuationError, Diagram};

@@ -1,5 +1,6 @@
 //! Pictures of bodies: the deformed mesh with a field in colours and marks at nodes.
 
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use super::axis::Axis;
@@ -53,6 +54,8 @@ pub struct BodyPicture<'a> {
     field: Option<(String, Vec<f64>)>,
     marks: Vec<(usize, SegmentStyle)>,
     view: (f64, f64),
+    /// Whether of a plane body the outline alone is drawn.
+    outline: bool,
 }
 
 impl<'a> BodyPicture<'a> {
@@ -68,7 +71,15 @@ impl<'a> BodyPicture<'a> {
             field: None,
             marks: Vec::new(),
             view: (-60.0, 25.0),
+            outline: false,
         }
+    }
+
+    /// Draws the outline of a plane body, without its cells and the field: a picture of any mesh is then small.
+    pub(in crate::output) fn with_outline_alone(mut self) -> Self {
+        self.outline = true;
+        self.field = None;
+        self
     }
 
     /// Moves the nodes by displacements (node by node, as
@@ -207,9 +218,16 @@ impl<'a> BodyPicture<'a> {
         let drawn = points.iter().chain(self.mesh.points()).map(|&p| view.flat(p));
         let place = Place::new(drawn, (14.0, top, right, bottom));
         let seen = self.draw_cells(&mut shapes, &points, &view, &place, range);
+        let mut marked = HashSet::new();
         for (node, class) in self.marks.iter().filter(|m| seen[m.0]) {
+            let centre = place.pixel(view.flat(points[*node]));
+            // In an outline discs of one colour that cover each other are drawn once.
+            let pair = ((0.5 * centre.0) as i64, (0.5 * centre.1) as i64, class.colour);
+            if self.outline && !marked.insert(pair) {
+                continue;
+            }
             shapes.push(Shape::Circle {
-                centre: place.pixel(view.flat(points[*node])),
+                centre,
                 radius: 4.0,
                 fill: class.colour,
                 outline: Some((super::shape::WHITE, 1.0)),
@@ -249,12 +267,22 @@ impl<'a> BodyPicture<'a> {
             outline: edges.or(Some((colour(cell), 0.5))),
         };
         if self.mesh.dim() == 2 {
-            for cell in 0..self.mesh.num_cells() {
+            let cells = if self.outline { 0 } else { self.mesh.num_cells() };
+            for cell in 0..cells {
                 let nodes = self.mesh.cell(cell);
                 let around = self.mesh.kind(cell).facets().iter().map(|f| nodes[f[0]]);
                 shapes.push(polygon(&around.collect::<Vec<_>>(), cell));
             }
-            if !self.displacements.is_empty() {
+            if self.outline {
+                // A line for each closed curve: of many facets one by one the picture would be large.
+                for around in outlines(self.mesh) {
+                    let before = around
+                        .iter()
+                        .map(|&n| place.pixel(view.flat(self.mesh.points()[n])));
+                    shapes.push(line(before.collect(), UNDEFORMED, 0.75));
+                    shapes.push(line(around.iter().map(pixel).collect(), FRAME, 1.0));
+                }
+            } else if !self.displacements.is_empty() {
                 for facet in self.mesh.boundary() {
                     let ends = facet
                         .nodes
@@ -290,6 +318,35 @@ impl<'a> BodyPicture<'a> {
         shapes.extend(facets.iter().map(|(_, corners, cell)| polygon(corners, *cell)));
         seen
     }
+}
+
+/// The boundary of a plane mesh as lines of nodes, closed ones beginning and ending at the same node.
+fn outlines(mesh: &Mesh) -> Vec<Vec<usize>> {
+    let facets = mesh.boundary();
+    // Facets leave their nodes in one sense round the body; where bodies touch at a node several leave it.
+    let mut leaving: HashMap<usize, Vec<usize>> = HashMap::new();
+    for (k, facet) in facets.iter().enumerate().rev() {
+        leaving.entry(facet.nodes[0]).or_default().push(k);
+    }
+    let mut used = vec![false; facets.len()];
+    let mut lines = Vec::new();
+    for begin in 0..facets.len() {
+        if used[begin] {
+            continue;
+        }
+        let mut around = vec![facets[begin].nodes[0]];
+        let mut next = Some(begin);
+        while let Some(k) = next {
+            used[k] = true;
+            let end = facets[k].nodes[1];
+            around.push(end);
+            next = leaving
+                .get(&end)
+                .and_then(|list| list.iter().copied().find(|&k| !used[k]));
+        }
+        lines.push(around);
+    }
+    lines
 }
 
 fn finite_range(values: &[f64]) -> Option<(f64, f64)> {

@@ -104,10 +104,32 @@ impl Formula {
     /// # Errors
     /// The first equation that cannot be read, with what is wrong and where.
     pub fn read<S: AsRef<str>>(texts: &[S], variables: &[&str]) -> Result<Self, FormulaError> {
+        Self::read_with(texts, variables, &[])
+    }
+
+    /// [`read`](Self::read) with names for numbers. A name that is both a variable's and a constant's is the variable's.
+    ///
+    /// ```
+    /// use semismooth::piecewise::{Formula, PiecewiseSmooth, Traced, value};
+    /// let stop = Formula::read_with(&["k*max(y - gap, 0) = load"], &["y", "load"], &[("k", 10.0), ("gap", 3.0)])?;
+    /// let mut out = [0.0];
+    /// value(&Traced::new(stop), &[4.0, 2.5], &mut out);
+    /// assert_eq!(out, [7.5]);
+    /// # Ok::<(), semismooth::piecewise::FormulaError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`read`](Self::read); a constant that is used and is not finite.
+    pub fn read_with<S: AsRef<str>>(
+        texts: &[S],
+        variables: &[&str],
+        constants: &[(&str, f64)],
+    ) -> Result<Self, FormulaError> {
+        let names = parser::Names { variables, constants };
         let page = Page::default();
         let values = texts.iter().zip(0..);
         let values = values
-            .map(|(text, equation)| parser::read(text.as_ref(), equation, variables, &page))
+            .map(|(text, equation)| parser::read(text.as_ref(), equation, names, &page))
             .collect::<Result<Vec<usize>, _>>()?;
         let variables = variables.iter().map(|&name| name.to_owned()).collect();
         Ok(Self::of_page(variables, &page, &values))

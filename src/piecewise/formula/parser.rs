@@ -32,10 +32,10 @@ struct Mistake {
 pub(super) fn read(
     text: &str,
     equation: usize,
-    variables: &[&str],
+    names: Names<'_>,
     page: &Page,
 ) -> Result<usize, FormulaError> {
-    equation_of(text, variables, page).map_err(|Mistake { message, from, to }| FormulaError {
+    equation_of(text, names, page).map_err(|Mistake { message, from, to }| FormulaError {
         equation,
         message,
         from,
@@ -43,7 +43,7 @@ pub(super) fn read(
     })
 }
 
-fn equation_of(text: &str, variables: &[&str], page: &Page) -> Result<usize, Mistake> {
+fn equation_of(text: &str, names: Names<'_>, page: &Page) -> Result<usize, Mistake> {
     let length = text.encode_utf16().count();
     if length > LONGEST {
         return Err(Mistake {
@@ -57,7 +57,7 @@ fn equation_of(text: &str, variables: &[&str], page: &Page) -> Result<usize, Mis
         next: 0,
         depth: 0,
         end: length,
-        variables,
+        names,
         page,
     };
     let mut read = reader.sum()?;
@@ -177,13 +177,20 @@ fn end_of_number(characters: &[char], from: usize) -> usize {
     k
 }
 
+/// Names of variables, and of constants with their values.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Names<'a> {
+    pub(super) variables: &'a [&'a str],
+    pub(super) constants: &'a [(&'a str, f64)],
+}
+
 struct Reader<'a> {
     tokens: Vec<Token>,
     next: usize,
     depth: usize,
     /// The position after the last character.
     end: usize,
-    variables: &'a [&'a str],
+    names: Names<'a>,
     page: &'a Page,
 }
 
@@ -308,8 +315,15 @@ impl Reader<'_> {
 
     fn named(&mut self, token: &Token) -> Result<usize, Mistake> {
         let name = token.text.as_str();
-        if let Some(k) = self.variables.iter().position(|&v| v == name) {
+        if let Some(k) = self.names.variables.iter().position(|&v| v == name) {
             return Ok(self.page.add(Node::Variable(k)));
+        }
+        if let Some(&(_, value)) = self.names.constants.iter().find(|c| c.0 == name) {
+            let mistake = || token.mistake(format!("the constant {name} is {value}, which is not finite"));
+            return value
+                .is_finite()
+                .then(|| self.page.number(value))
+                .ok_or_else(mistake);
         }
         let smooth = match name {
             "pi" | "π" => return Ok(self.page.number(std::f64::consts::PI)),
@@ -320,7 +334,10 @@ impl Reader<'_> {
         let Some(smooth) = smooth else {
             return Err(token.mistake(format!(
                 "{name} is unknown; there are {}, pi, max, min, abs, {}",
-                self.variables.join(", "),
+                (self.names.variables.iter().copied())
+                    .chain(self.names.constants.iter().map(|c| c.0))
+                    .collect::<Vec<_>>()
+                    .join(", "),
                 Smooth::ALL.map(|f| f.0).join(", ")
             )));
         };

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use semismooth::contact::ContactSolution;
+use semismooth::fem::von_mises_stress;
 use semismooth::output::{Field, write_vtu};
 
 use super::Case;
@@ -51,18 +52,11 @@ impl<P> Case<'_, P> {
             Field::new("traction", 3, traction),
             Field::new("slip", 3, slip),
         ];
-        let von_mises = stress.iter().map(von_mises).collect();
+        let von_mises = stress.iter().map(von_mises_stress).collect();
         let in_cells = [
             Field::new("stress", 6, stress.iter().flatten().copied().collect()),
             Field::new("von Mises stress", 1, von_mises),
         ];
         write_vtu(path, mesh, &at_nodes, &in_cells).map_err(|e| CommandError::failed("the fields", e))
     }
-}
-
-/// (3/2 s : s)^½ of σ = (σ₁₁, σ₂₂, σ₃₃, σ₁₂, σ₂₃, σ₁₃), s its deviator.
-fn von_mises(stress: &[f64; 6]) -> f64 {
-    let [a, b, c, shear @ ..] = *stress;
-    let normal = (a - b).powi(2) + (b - c).powi(2) + (c - a).powi(2);
-    (0.5 * normal + 3.0 * shear.iter().map(|s| s * s).sum::<f64>()).sqrt()
 }

@@ -6,10 +6,10 @@ use semismooth::contact::{CondensedContact, NodeLaw};
 use semismooth::continuation::{
     Branch, Continuation, ContinuationOptions, Direction, Termination, Transition,
 };
-use semismooth::output::{BranchDiagram, Colour, Column, Curve, Panel, SegmentStyle, write_csv};
+use semismooth::output::{BranchDiagram, Column, Curve, Panel, SegmentStyle, write_csv};
 use semismooth::piecewise::PiecewiseSmooth;
 
-use super::{Case, counts};
+use super::Case;
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::{create, write_failed};
@@ -134,7 +134,7 @@ fn write<L: NodeLaw>(case: &Case<'_, CondensedContact<L>>, branch: &Branch) -> R
     write_csv(&mut file, problem, branch, &columns).map_err(failed)?;
     file.flush().map_err(write_failed(&path))?;
     let panel = |label: &str, force: &dyn Fn(&[f64]) -> f64| {
-        let style = |s: &_, _: &[usize]| overall(counts(&problem.states(s)));
+        let style = |s: &_, _: &[usize]| SegmentStyle::contacts(&problem.states(s));
         Panel::new("α", label).with_curve(Curve::of_branch(branch, force, style))
     };
     let drawn = BranchDiagram::new(panel("sum of normal forces", &normal))
@@ -149,14 +149,4 @@ fn write<L: NodeLaw>(case: &Case<'_, CondensedContact<L>>, branch: &Branch) -> R
     let supports = problem.support_displacements(&end.x).map_err(failed)?;
     let solution = problem.solution(&end.x).map_err(failed)?;
     case.write_fields(&case.file("end.vtu"), &solution, &free, &supports)
-}
-
-/// The state of all nodes, in words.
-fn overall([_, stick, slip]: [usize; 3]) -> SegmentStyle {
-    match (stick, slip) {
-        (0, 0) => SegmentStyle::new("no contact", Colour::RED),
-        (_, 0) => SegmentStyle::new("all in contact stick", Colour::GREEN),
-        (0, _) => SegmentStyle::new("all in contact slip", Colour::BLUE),
-        _ => SegmentStyle::new("stick and slip", Colour::PURPLE),
-    }
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use semismooth::contact::{
     Arrival, CondensedContact, ContactSolution, EvolutionOptions, EvolutionStep, NodeLaw, evolve_observed,
 };
-use semismooth::output::write_pvd;
+use semismooth::output::{BranchDiagram, write_pvd};
 
 use super::{Case, counts};
 use crate::commands::error::CommandError;
@@ -27,7 +27,7 @@ pub(super) fn run<L: NodeLaw>(
     let (json, quiet) = (case.arguments.json, case.arguments.quiet);
     let path = case.file("history.csv");
     let mut table = create(&path)?;
-    writeln!(table, "{COLUMNS}").map_err(write_failed(&path))?;
+    (writeln!(table, "{COLUMNS}").and_then(|()| table.flush())).map_err(write_failed(&path))?;
     if !json && !quiet {
         writeln!(
             out,
@@ -35,6 +35,10 @@ pub(super) fn run<L: NodeLaw>(
         )?;
     }
     let mut series = Vec::new();
+    let mut forces = vec![(
+        first,
+        case.problem.solution(&x).map_err(failed(first))?.resultant(),
+    )];
     case.write_level(&x, &mut series)?;
     let progress = Progress::new(levels.len() as u64, quiet || json)?;
     let options = EvolutionOptions::default();
@@ -46,6 +50,7 @@ pub(super) fn run<L: NodeLaw>(
             .map_err(failed(level))?;
         for step in steps {
             line(&mut table, &step).map_err(write_failed(&path))?;
+            forces.push((step.level, step.solution.resultant()));
             case.write_level(&step.x, &mut series)?;
             progress.suspend(|| match (json, quiet) {
                 (true, _) => writeln!(out, "{}", record(&step)),
@@ -55,7 +60,8 @@ pub(super) fn run<L: NodeLaw>(
             x = step.x;
         }
     }
-    table.flush().map_err(write_failed(&path))?;
+    case.arguments
+        .draw(&case.folder, "history", &BranchDiagram::of_history(&forces))?;
     if case.fields && case.mesh.is_some() {
         write_pvd(case.file("history.pvd"), &series).map_err(|e| CommandError::failed("the fields", e))?;
     }
@@ -65,7 +71,12 @@ pub(super) fn run<L: NodeLaw>(
             (true, None) => ", level_*.csv",
             _ => "",
         };
-        writeln!(out, "written to {}: history.csv{fields}", case.folder.display())?;
+        let pictures = case.arguments.pictures("history").join(", ");
+        writeln!(
+            out,
+            "written to {}: history.csv, {pictures}{fields}",
+            case.folder.display()
+        )?;
     }
     if progress.cancelled() {
         let alpha = x.last().copied().unwrap_or(first);
@@ -116,7 +127,9 @@ fn line(table: &mut impl Write, step: &EvolutionStep) -> std::io::Result<()> {
         step.work,
         step.stored,
         step.dissipated
-    )
+    )?;
+    // What is written is whole, whatever ends the run.
+    table.flush()
 }
 
 fn record(step: &EvolutionStep) -> serde_json::Value {

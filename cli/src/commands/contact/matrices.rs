@@ -9,6 +9,7 @@ use semismooth::sparse::{Matrix, SparseError, read_matrix_market, read_substruct
 use toml::Spanned;
 
 use super::input::{MatricesInput, Route};
+use super::law::Law;
 use super::model::{Plan, RunFile};
 use super::{Case, follow, history, tell_held};
 use crate::commands::error::CommandError;
@@ -22,21 +23,16 @@ pub(super) fn run(
     arguments: &RunArgs,
     out: &mut dyn Write,
 ) -> Result<(), CommandError> {
-    file.check_matrices_alone()?;
-    let (body, note) = file.given(place)?;
+    let (problem, note, held) = problem(file, place)?;
     if !arguments.json && !arguments.quiet {
         if let Some(note) = &note {
             writeln!(out, "{}", wrapped(&format!("note: {note}")))?;
         }
-        tell_held(body.num_held(), out)?;
+        tell_held(held, out)?;
     }
-    let areas = vec![1.0; body.num_contacts()];
-    let law = file.law(1 + body.num_tangents(), &areas)?;
-    let body = file.layered(body, &areas)?;
     let output = &file.input.output;
     let case = Case {
-        problem: CondensedContact::new(body, law)
-            .map_err(|e| CommandError::failed("the body in contact", e))?,
+        problem,
         mesh: None,
         folder: file.results(arguments.out.as_ref(), &output.folder)?,
         fields: output.fields,
@@ -46,6 +42,22 @@ pub(super) fn run(
         Plan::History(levels) | Plan::Levels(levels) => history::run(case, levels, out),
         Plan::Follow(range) => follow::run(&case, *range, out),
     }
+}
+
+/// The problem, what had to be changed in its matrices, and the number of nodes with held tangents.
+pub(super) fn problem(
+    file: &RunFile,
+    place: &Spanned<MatricesInput>,
+) -> Result<(CondensedContact<Law>, Option<String>, usize), CommandError> {
+    file.check_matrices_alone()?;
+    let (body, note) = file.given(place)?;
+    let held = body.num_held();
+    let areas = vec![1.0; body.num_contacts()];
+    let law = file.law(1 + body.num_tangents(), &areas)?;
+    let body = file.layered(body, &areas)?;
+    let problem =
+        CondensedContact::new(body, law).map_err(|e| CommandError::failed("the body in contact", e))?;
+    Ok((problem, note, held))
 }
 
 impl RunFile {

@@ -10,13 +10,16 @@ mod model;
 mod reduced;
 
 use std::io::Write;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use semismooth::contact::{ContactState, LoadCase};
+use semismooth::contact::{CondensedContact, ContactState, LoadCase, NodeLaw};
 use semismooth::fem::{ContactRows, ElasticSystem};
+use semismooth::output::{Report, ReportBody, ReportOptions};
 
 use self::model::{Plan, RunFile};
 use super::error::CommandError;
+use super::report::ReportArgs;
 use super::run_file::RunArgs;
 use super::text::{counted, wrapped};
 
@@ -47,6 +50,47 @@ pub(super) fn run(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), Comman
         system,
     };
     run.work(motion, out)
+}
+
+/// A report on the history or the curve in a run file.
+pub(super) fn report(
+    arguments: &ReportArgs,
+    observe: impl FnMut(&str) -> ControlFlow<()>,
+) -> Result<Report, CommandError> {
+    let file = RunFile::read(&arguments.run)?;
+    let plan = file.plan()?;
+    let options = arguments.options();
+    if let Some(place) = &file.input.matrices {
+        let (problem, ..) = matrices::problem(&file, place)?;
+        return report_of(problem, None, plan, &options, observe);
+    }
+    let (system, motion) = file.system()?;
+    let plan = file.routed(plan, &system)?;
+    if let Plan::Levels(_) = plan {
+        let what = "reports need the condensed route, for which this body is too large by default; \
+                    write route = \"condensed\" where there is memory for it";
+        return Err(file.wrong(&file.input.run, "run.route", what));
+    }
+    let traces = file.contact(&system, motion)?;
+    let law = file.law(system.mesh().dim(), traces.areas())?;
+    let (problem, rows) = file.condensed(&system, traces, law)?;
+    report_of(problem, Some((&system, &rows)), plan, &options, observe)
+}
+
+fn report_of<L: NodeLaw>(
+    mut problem: CondensedContact<L>,
+    body: Option<ReportBody<'_>>,
+    plan: Plan,
+    options: &ReportOptions,
+    observe: impl FnMut(&str) -> ControlFlow<()>,
+) -> Result<Report, CommandError> {
+    let report = match plan {
+        Plan::Follow(range) => Report::of_contact(&problem, body, range, options, observe),
+        Plan::History(levels) | Plan::Levels(levels) => {
+            Report::of_history(&mut problem, body, &levels, options, observe)
+        }
+    };
+    report.map_err(|e| CommandError::failed("the report", e))
 }
 
 /// A body, and what is to be computed.

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use semismooth::contact::{NodeLaw, ReducedContact, ReducedLevel};
-use semismooth::output::write_pvd;
+use semismooth::output::{BranchDiagram, write_pvd};
 
 use super::Case;
 use super::history::COLUMNS;
@@ -23,7 +23,7 @@ pub(super) fn run<L: NodeLaw>(
     let shown = !case.arguments.json && !case.arguments.quiet;
     let path = case.file("history.csv");
     let mut table = create(&path)?;
-    writeln!(table, "{COLUMNS}").map_err(write_failed(&path))?;
+    (writeln!(table, "{COLUMNS}").and_then(|()| table.flush())).map_err(write_failed(&path))?;
     if shown {
         let body = problem.body();
         let nodes = counted(body.num_contacts(), "contact node");
@@ -61,14 +61,22 @@ pub(super) fn run<L: NodeLaw>(
     }
     let at = levels.get(done.count).copied().unwrap_or(f64::NAN);
     reached.map_err(|e| CommandError::failed(format!("the level α = {at}"), e))?;
-    table.flush().map_err(write_failed(&path))?;
+    if !done.forces.is_empty() {
+        case.arguments
+            .draw(&case.folder, "history", &BranchDiagram::of_history(&done.forces))?;
+    }
     if case.fields {
         let failed = |e| CommandError::failed("the fields", e);
         write_pvd(case.file("history.pvd"), &done.series).map_err(failed)?;
     }
     if shown {
         let fields = if case.fields { ", history.pvd" } else { "" };
-        writeln!(out, "written to {}: history.csv{fields}", case.folder.display())?;
+        let pictures = case.arguments.pictures("history").join(", ");
+        writeln!(
+            out,
+            "written to {}: history.csv, {pictures}{fields}",
+            case.folder.display()
+        )?;
     }
     match (interrupted, done.count) {
         (false, _) => Ok(()),
@@ -87,6 +95,8 @@ struct Done {
     /// The elastic energy at the last level.
     stored: f64,
     series: Vec<(f64, PathBuf)>,
+    /// Levels and resultants of the contact forces.
+    forces: Vec<(f64, [f64; 3])>,
 }
 
 impl Case<'_, ()> {
@@ -104,6 +114,7 @@ impl Case<'_, ()> {
         }
         let (open, stick, slip) = (s.open(), s.stick(), s.slip());
         let [normal, first, second] = s.resultant();
+        done.forces.push((alpha, s.resultant()));
         let (stored, dissipated) = (s.energy.stored - done.stored, s.energy.dissipated);
         (done.stored, done.count) = (s.energy.stored, done.count + 1);
         // The first level is the start of the history and has no row, as in the condensed form.
@@ -113,6 +124,8 @@ impl Case<'_, ()> {
                 table,
                 "{alpha},{open},{stick},{slip},{changes},solved,{normal:?},{first:?},{second:?},,{stored:?},{dissipated:?}"
             )
+            // What is written is whole, whatever ends the run.
+            .and_then(|()| table.flush())
             .map_err(write_failed(&self.file("history.csv")))?;
         }
         let (newton, krylov) = (level.report.newton(), level.report.krylov());

@@ -3,8 +3,9 @@
 use std::io::Write;
 
 use semismooth::continuation::{Branch, Continuation, ContinuationOptions, Direction, Termination};
-use semismooth::output::{BranchDiagram, Curve, Panel, write_csv};
+use semismooth::output::{BranchDiagram, Curve, Panel, SegmentStyle, write_csv};
 
+use super::model::{Problem, RunFile};
 use super::{Case, MAX_TIME, short};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
@@ -17,7 +18,7 @@ const POSITIONS: f64 = 1000.0;
 pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandError> {
     let problem = &case.problem;
     let [from, to] = case.file.range(problem)?;
-    let start = start(case, from)?;
+    let start = start(&case.file, problem, from)?;
     let direction = match from < to {
         true => Direction::Increasing,
         false => Direction::Decreasing,
@@ -59,15 +60,15 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
 }
 
 /// The unknowns in the run file, else a solution that the problem finds, else zeros.
-fn start(case: &Case<'_>, from: f64) -> Result<Vec<f64>, CommandError> {
-    let n = case.problem.map().num_residuals();
-    let mut x = match &case.file.input.run.get_ref().start {
+pub(super) fn start(file: &RunFile, problem: &Problem, from: f64) -> Result<Vec<f64>, CommandError> {
+    let n = problem.map().num_residuals();
+    let mut x = match &file.input.run.get_ref().start {
         Some(start) if start.get_ref().len() == n => start.get_ref().clone(),
         Some(start) => {
             let what = format!("{} numbers for {n} unknowns", start.get_ref().len());
-            return Err(case.file.wrong(start, "run.start", what));
+            return Err(file.wrong(start, "run.start", what));
         }
-        None => match case.problem.solve(from) {
+        None => match problem.solve(from) {
             Some(found) => return found,
             None => vec![0.0; n],
         },
@@ -132,7 +133,11 @@ fn write(case: &Case<'_>, branch: &Branch) -> Result<(), CommandError> {
     write_csv(&mut table, case.problem.map(), branch, &case.columns())
         .map_err(|e| CommandError::failed("the table", e))?;
     let panels = case.file.plotted(&case.problem)?.into_iter().map(|k| {
-        let curve = Curve::of_branch(branch, |x: &[f64]| x[k], case.style());
+        let curve = Curve::of_branch(
+            branch,
+            |x: &[f64]| x[k],
+            SegmentStyle::by_pieces(case.problem.map()),
+        );
         Panel::new(case.problem.parameter(), case.problem.names[k].clone()).with_curve(curve)
     });
     picture(case, panels, "curve")

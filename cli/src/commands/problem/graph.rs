@@ -4,7 +4,7 @@ use std::io::Write;
 
 use semismooth::continuation::{Diagram, DiagramCompleteness, DiagramOptions, Limit, SectionProgress};
 use semismooth::enumeration::EnumerationOptions;
-use semismooth::output::{Panel, write_diagram_csv, write_diagram_json};
+use semismooth::output::{Panel, SegmentStyle, write_diagram_csv, write_diagram_json};
 
 use super::curve::picture;
 use super::{Case, MAX_TIME};
@@ -36,7 +36,11 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     write_diagram_json(&mut object, map, &diagram, &columns).map_err(failed)?;
     let panels = case.file.plotted(&case.problem)?.into_iter().map(|k| {
         let panel = Panel::new(case.problem.parameter(), case.problem.names[k].clone());
-        panel.with_diagram(&diagram, |x: &[f64]| x[k], case.style())
+        panel.with_diagram(
+            &diagram,
+            |x: &[f64]| x[k],
+            SegmentStyle::by_pieces(case.problem.map()),
+        )
     });
     // A problem without solutions has no picture.
     let drawn = !diagram.edges().is_empty() || !diagram.vertices().is_empty();

@@ -1,5 +1,7 @@
 //! The run file of equations or of a discrete friction problem.
 
+use std::collections::BTreeMap;
+
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use toml::Spanned;
@@ -20,6 +22,9 @@ pub(super) struct Input {
 pub(super) struct ProblemInput {
     pub(super) unknowns: Option<Vec<String>>,
     pub(super) parameter: Option<String>,
+    /// Numbers with names, for the equations.
+    #[serde(default)]
+    pub(super) constants: BTreeMap<String, f64>,
     pub(super) equations: Option<Vec<Spanned<String>>>,
     pub(super) folder: Option<Spanned<String>>,
 }

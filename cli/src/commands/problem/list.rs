@@ -2,12 +2,9 @@
 
 use std::io::Write;
 
-use semismooth::continuation::{SearchOptions, search_solutions_observed};
-use semismooth::enumeration::{
-    Completeness, Doubt, EnumerationError, EnumerationOptions, SolutionSet, all_solutions_until,
-};
-use semismooth::piecewise::{PiecewiseSmooth, Selection};
-use semismooth::sparse::Matrix;
+use semismooth::continuation::{FoundSolutions, SearchOptions, SolutionList, list_solutions};
+use semismooth::enumeration::{EnumerationOptions, SolutionSet};
+use semismooth::piecewise::Selection;
 
 use super::{Case, MAX_TIME};
 use crate::commands::error::CommandError;
@@ -95,96 +92,58 @@ fn find(
     progress: &Progress,
 ) -> Result<List, CommandError> {
     let (map, remark) = (case.problem.map(), case.problem.remark());
-    let failed = |e| CommandError::failed("the list of solutions", e);
+    let enumeration = EnumerationOptions::default().with_max_time(options.max_time);
+    let list = list_solutions(map, alpha, &enumeration, options, &|| progress.cancelled())
+        .map_err(|e| CommandError::failed("the list of solutions", e))?;
+    match list {
+        SolutionList::Enumerated(found) => Ok(enumerated(found, remark)),
+        SolutionList::Searched(found) => Ok(searched(found, remark)),
+        _ => Err(CommandError::failed(
+            "the list of solutions",
+            "a kind of list that is not known",
+        )),
+    }
+}
+
+fn enumerated(found: SolutionSet, remark: &str) -> List {
     let listed = |s: semismooth::enumeration::Solution| Listed {
         det_sign: s.det_signs.iter().copied().next().flatten(),
         index: s.index,
         x: s.x,
         selections: s.selections,
     };
-    let enumeration = EnumerationOptions::default().with_max_time(options.max_time);
-    match all_solutions_until(map, alpha, &enumeration, &|| progress.cancelled()) {
-        Ok(found) if !is_curved(map, alpha, &found) => Ok(List {
-            continua: found.continua.len(),
-            index_sum: found.index_sum,
-            complete: found.completeness.is_complete(),
-            verdict: format!("{}{remark}", found.completeness),
-            words: match found.solutions.len() {
-                0 if !found.continua.is_empty() => {
-                    format!("no isolated solution, {}{remark}", found.completeness)
-                }
-                0 => format!("no solution, {}{remark}", found.completeness),
-                n => format!("{}, {}{remark}", counted(n, "solution"), found.completeness),
-            },
-            solutions: found.solutions.into_iter().map(listed).collect(),
-        }),
-        Ok(_) | Err(EnumerationError::NotAffine { .. }) => {
-            let none: [Vec<f64>; 0] = [];
-            let found = search_solutions_observed(map, alpha, &none, options, |_| progress.flow())
-                .map_err(|e| CommandError::failed("the search", e))?;
-            let verdict = format!("{found}{remark}");
-            let one = |s: semismooth::continuation::FoundSolution| Listed {
-                x: s.x,
-                selections: vec![s.selection],
-                det_sign: s.det_sign,
-                index: s.index,
-            };
-            Ok(List {
-                continua: 0,
-                index_sum: found.index_sum,
-                complete: false,
-                words: verdict.clone(),
-                verdict,
-                solutions: found.solutions.into_iter().map(one).collect(),
-            })
-        }
-        Err(e) => Err(failed(e)),
+    List {
+        continua: found.continua.len(),
+        index_sum: found.index_sum,
+        complete: found.completeness.is_complete(),
+        verdict: format!("{}{remark}", found.completeness),
+        words: match found.solutions.len() {
+            0 if !found.continua.is_empty() => {
+                format!("no isolated solution, {}{remark}", found.completeness)
+            }
+            0 => format!("no solution, {}{remark}", found.completeness),
+            n => format!("{}, {}{remark}", counted(n, "solution"), found.completeness),
+        },
+        solutions: found.solutions.into_iter().map(listed).collect(),
     }
 }
 
-/// Whether pieces that the map cannot state as affine have other derivatives far from 0 than at 0. Near 0, where lists are tested, x²⁰ looks
-/// constant.
-fn is_curved(map: &dyn PiecewiseSmooth, alpha: f64, found: &SolutionSet) -> bool {
-    let unstated = matches!(
-        found.completeness,
-        Completeness::Undecided {
-            doubt: Doubt::NoCoefficients,
-            ..
-        }
-    );
-    if !unstated
-        || map
-            .exact()
-            .is_some_and(|pieces| pieces.conditions(alpha).is_some())
-    {
-        return false;
+fn searched(found: FoundSolutions, remark: &str) -> List {
+    let verdict = format!("{found}{remark}");
+    let one = |s: semismooth::continuation::FoundSolution| Listed {
+        x: s.x,
+        selections: vec![s.selection],
+        det_sign: s.det_sign,
+        index: s.index,
+    };
+    List {
+        continua: 0,
+        index_sum: found.index_sum,
+        complete: false,
+        words: verdict.clone(),
+        verdict,
+        solutions: found.solutions.into_iter().map(one).collect(),
     }
-    let n = map.num_residuals();
-    let at = |y: &dyn Fn(usize) -> f64| -> Vec<f64> {
-        (0..map.num_vars())
-            .map(|i| if i < n { y(i) } else { alpha })
-            .collect()
-    };
-    let points = [at(&|_| 0.0), at(&|i| ((i * 7919 + 3571) % 1009) as f64 - 504.5)];
-    let mut both = [Matrix::zeros(map.pattern()), Matrix::zeros(map.pattern())];
-    let mut differs = |selection: &Selection| {
-        for (jac, x) in both.iter_mut().zip(&points) {
-            jac.clear();
-            map.jacobian(selection, x, jac);
-        }
-        let mut entries = both[0].triplets().zip(both[1].triplets());
-        // In this form NaN differs.
-        let same = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
-        entries.any(|((_, j, a), (.., b))| j < n && !same(a, b))
-    };
-    let base = Selection::uniform(map.num_sites(), 0);
-    let other = |(site, piece): (usize, usize)| {
-        let mut selection = base.clone();
-        selection.set(site, piece);
-        selection
-    };
-    let mut sites = (0..map.num_sites()).flat_map(|site| (1..map.num_pieces(site)).map(move |k| (site, k)));
-    differs(&base) || sites.any(|place| differs(&other(place)))
 }
 
 fn sign(value: Option<i8>) -> String {

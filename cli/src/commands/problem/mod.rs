@@ -7,14 +7,16 @@ mod list;
 mod model;
 
 use std::io::Write;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use semismooth::output::{Colour, Column, SegmentStyle};
+use semismooth::output::{Column, Report};
 use semismooth::piecewise::Selection;
 
 use self::model::{Problem, RunFile};
 use super::error::CommandError;
+use super::report::ReportArgs;
 use super::run_file::RunArgs;
 
 /// The run files that `init` writes.
@@ -43,6 +45,50 @@ pub(super) fn diagram(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), Co
 
 pub(super) fn solutions(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), CommandError> {
     list::run(&Case::new(arguments)?, out)
+}
+
+/// A report on the curve of a run file of any of the three commands.
+pub(super) fn report(
+    arguments: &ReportArgs,
+    observe: impl FnMut(&str) -> ControlFlow<()>,
+) -> Result<Report, CommandError> {
+    let file = RunFile::read(&arguments.run)?;
+    let problem = file.problem()?;
+    let run = file.input.run.get_ref();
+    let listed = run.at.as_ref().or(run.sections.as_ref());
+    let loads = listed.map(|l| l.get_ref().clone()).unwrap_or_default();
+    let range = match (&run.range, least_and_greatest(&loads)) {
+        // Lists of solutions have no range but that of their loads.
+        (None, Some(range)) if problem.has_parameter() => range,
+        _ => file.range(&problem)?,
+    };
+    let mut options = arguments
+        .options()
+        .with_loads(loads)
+        .with_drawn(file.plotted(&problem)?);
+    if run.at.is_none() && run.sections.is_none() && run.starts.is_none() {
+        options = options.with_continuation(file.options()?);
+    }
+    let report = match problem.friction() {
+        Some(problem) => Report::of_contact(problem, None, range, &options, observe),
+        None => {
+            let start = match (&run.start, run.starts.iter().flatten().next()) {
+                (None, Some(start)) if start.get_ref().len() == problem.map().num_vars() => {
+                    start.get_ref().clone()
+                }
+                _ => curve::start(&file, &problem, range[0])?,
+            };
+            let names: Vec<&str> = problem.names.iter().map(String::as_str).collect();
+            Report::of_map(problem.map(), &names, &start, range[1], &options, observe)
+        }
+    };
+    report.map_err(|e| CommandError::failed("the report", e))
+}
+
+fn least_and_greatest(loads: &[f64]) -> Option<[f64; 2]> {
+    let least = loads.iter().copied().min_by(f64::total_cmp)?;
+    let greatest = loads.iter().copied().max_by(f64::total_cmp)?;
+    (least < greatest).then_some([least, greatest])
 }
 
 /// A number for the terminal, with twelve digits; files have all of them.
@@ -107,30 +153,5 @@ impl<'a> Case<'a> {
         pieces
             .map(|(site, k)| map.piece_name(site, k).into_owned())
             .collect()
-    }
-
-    /// A colour for each combination of pieces, in the order in which they are met; the legend names them if there are few sites.
-    fn style(&self) -> impl Fn(&Selection, &[usize]) -> SegmentStyle {
-        const COLOURS: [Colour; 5] = [
-            Colour::BLUE,
-            Colour::RED,
-            Colour::GREEN,
-            Colour::PURPLE,
-            Colour::GREY,
-        ];
-        let met = std::cell::RefCell::new(Vec::<Selection>::new());
-        let sites = self.problem.map().num_sites();
-        move |selection, _| {
-            if sites == 0 || sites > 2 {
-                return SegmentStyle::new("solutions", Colour::BLUE);
-            }
-            let mut met = met.borrow_mut();
-            let known = met.iter().position(|s| s == selection);
-            let k = known.unwrap_or_else(|| {
-                met.push(selection.clone());
-                met.len() - 1
-            });
-            SegmentStyle::new(self.pieces(selection).join(", "), COLOURS[k % COLOURS.len()])
-        }
     }
 }

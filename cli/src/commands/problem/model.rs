@@ -29,6 +29,18 @@ impl Problem {
         }
     }
 
+    pub(super) fn has_parameter(&self) -> bool {
+        self.map().num_vars() > self.map().num_residuals()
+    }
+
+    /// The friction problem, if it is one.
+    pub(super) fn friction(&self) -> Option<&CondensedContact<PlanarCoulomb>> {
+        match &self.map {
+            Map::Formulas(_) => None,
+            Map::Friction(map) => Some(map),
+        }
+    }
+
     /// What lists and diagrams do not say where tangents are held.
     pub(super) fn remark(&self) -> &'static str {
         match &self.map {
@@ -102,6 +114,19 @@ impl RunFile {
             let what = format!("there are two variables \"{}\"", names[k]);
             return Err(self.wrong(place, "problem", what));
         }
+        let constants = &place.get_ref().constants;
+        if let Some(name) = names.iter().find(|n| constants.contains_key(n.as_str())) {
+            let what = format!("\"{name}\" is a variable and a constant");
+            return Err(self.wrong(place, "problem.constants", what));
+        }
+        if let Some((name, value)) = constants.iter().find(|(_, v)| !v.is_finite()) {
+            return Err(self.wrong(
+                place,
+                "problem.constants",
+                format!("{name} = {value} is not finite"),
+            ));
+        }
+        let constants: Vec<(&str, f64)> = constants.iter().map(|(n, v)| (n.as_str(), *v)).collect();
         let count = unknowns.len();
         if equations.len() != count || count == 0 {
             let what = format!("{} equations for {count} unknowns", equations.len());
@@ -109,7 +134,7 @@ impl RunFile {
         }
         let variables: Vec<&str> = names.iter().map(String::as_str).collect();
         let texts: Vec<&str> = equations.iter().map(|e| e.get_ref().as_str()).collect();
-        let formulas = Formula::read(&texts, &variables).map_err(|mistake| {
+        let formulas = Formula::read_with(&texts, &variables, &constants).map_err(|mistake| {
             let equation = mistake.equation;
             let text: Vec<u16> = texts[equation].encode_utf16().collect();
             let part = |from: usize, to: usize| String::from_utf16_lossy(&text[from.min(to)..to]);
