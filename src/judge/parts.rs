@@ -238,10 +238,9 @@ mod tests {
         let laplacian = |corner: f64, entry: Option<(usize, usize, f64)>| {
             let mut entries = vec![(0, 0, corner)];
             for i in 0..k * k {
-                for j in [(i % k + 1 < k).then_some(i + 1), (i + k < k * k).then_some(i + k)] {
-                    if let Some(j) = j {
-                        entries.extend([(i, i, 1.0), (j, j, 1.0), (i, j, -1.0), (j, i, -1.0)]);
-                    }
+                let beside = [(i % k + 1 < k).then_some(i + 1), (i + k < k * k).then_some(i + k)];
+                for j in beside.into_iter().flatten() {
+                    entries.extend([(i, i, 1.0), (j, j, 1.0), (i, j, -1.0), (j, i, -1.0)]);
                 }
             }
             entries.extend(entry);

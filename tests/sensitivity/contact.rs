@@ -11,10 +11,13 @@ use semismooth::sparse::Matrix;
 
 use super::random::Random;
 
+/// The body under a load of the nodes.
+type Loading = Box<dyn Fn(&[f64]) -> ContactBody>;
+
 /// A block held at its left side, pressed down and pushed to the right; the load is `constant` plus α times
 /// the push.
 struct Block {
-    body: Box<dyn Fn(&[f64]) -> ContactBody>,
+    body: Loading,
     /// Pressure on the top, and a traction along it.
     pressure: Vec<f64>,
     push: Vec<f64>,

@@ -81,10 +81,10 @@ fn large_sparse_problems_are_differentiated_on_sparse_factors() {
             .map(|i| {
                 let mut bend = 2.0 * u(i);
                 if i > 0 {
-                    bend = bend - u(i - 1);
+                    bend -= u(i - 1);
                 }
                 if i + 1 < n {
-                    bend = bend - u(i + 1);
+                    bend -= u(i + 1);
                 }
                 bend - h * h * (p[0] + p[1] * ((i + 1) as f64 * h))
             })

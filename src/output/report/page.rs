@@ -32,9 +32,9 @@ impl Page {
     pub(super) fn section(&mut self, heading: &str) {
         self.close();
         let number = self.contents.len() + 1;
-        let _ = write!(
+        let _ = writeln!(
             self.body,
-            "<section id=\"s{number}\"><h2>{}</h2>\n",
+            "<section id=\"s{number}\"><h2>{}</h2>",
             escaped(heading)
         );
         self.contents.push(heading.to_owned());
@@ -48,17 +48,17 @@ impl Page {
     }
 
     pub(super) fn heading(&mut self, heading: &str) {
-        let _ = write!(self.body, "<h3>{}</h3>\n", escaped(heading));
+        let _ = writeln!(self.body, "<h3>{}</h3>", escaped(heading));
     }
 
     pub(super) fn paragraph(&mut self, text: &str) {
-        let _ = write!(self.body, "<p>{}</p>\n", escaped(text));
+        let _ = writeln!(self.body, "<p>{}</p>", escaped(text));
     }
 
     pub(super) fn list(&mut self, items: &[String]) {
         self.body.push_str("<ul>\n");
         for item in items {
-            let _ = write!(self.body, "<li>{}</li>\n", escaped(item));
+            let _ = writeln!(self.body, "<li>{}</li>", escaped(item));
         }
         self.body.push_str("</ul>\n");
     }
@@ -89,9 +89,9 @@ impl Page {
 
     /// A picture, as SVG.
     pub(super) fn figure(&mut self, svg: &str, caption: &str) {
-        let _ = write!(
+        let _ = writeln!(
             self.body,
-            "<figure>{}<figcaption>{}</figcaption></figure>\n",
+            "<figure>{}<figcaption>{}</figcaption></figure>",
             svg.trim(),
             escaped(caption)
         );
@@ -133,9 +133,9 @@ impl Page {
         self.close();
         let mut contents = String::new();
         for (k, heading) in self.contents.iter().enumerate() {
-            let _ = write!(
+            let _ = writeln!(
                 contents,
-                "<li><a href=\"#s{}\">{}</a></li>\n",
+                "<li><a href=\"#s{}\">{}</a></li>",
                 k + 1,
                 escaped(heading)
             );

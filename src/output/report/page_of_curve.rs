@@ -20,6 +20,8 @@ const MOST_COPIED: usize = 1500;
 const COLUMNS: usize = 6;
 
 type Ordinate<'a> = Box<dyn Fn(&[f64]) -> f64 + 'a>;
+/// How the segments on a selection are drawn.
+type Style<'a> = Box<dyn Fn(&Selection, &[usize]) -> SegmentStyle + 'a>;
 
 pub(super) fn write(
     subject: &Subject<'_>,
@@ -238,7 +240,7 @@ impl<'a> View<'a> {
 
     fn picture(&self, page: &mut Page) -> Result<(), ReportError> {
         page.section("The curve of solutions");
-        let style: Box<dyn Fn(&Selection, &[usize]) -> SegmentStyle + '_> = match self.subject.contacts {
+        let style: Style<'_> = match self.subject.contacts {
             Some(contacts) => {
                 Box::new(|s: &Selection, _: &[usize]| SegmentStyle::contacts(&contacts.states(s)))
             }
