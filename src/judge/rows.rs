@@ -64,6 +64,8 @@ pub(crate) struct Verdict {
     /// Largest residual of a component relative to the terms and constants of its row; where all of these are rounding, relative to the
     /// row at the sizes that were met.
     pub(crate) error: f64,
+    /// The same with every row relative to its own terms and constants.
+    pub(crate) strict: f64,
     /// Over rows whose part of the Jacobian is singular, where the terms cancel whatever the constants are: the largest residual beyond
     /// rounding relative to the constants, and the largest square of what rounding is relative to them, which lets no more than √τ of them
     /// pass at a tolerance τ.
@@ -141,6 +143,8 @@ pub(crate) struct Judge {
     regular: Vec<Option<bool>>,
     /// The rows that [`Verdict::distant`] is about.
     distant: Vec<usize>,
+    /// The rows whose terms and constants all are rounding, and whose residual is not small relative to these.
+    homogeneous: Vec<usize>,
     /// The first row for which [`Verdict::hidden`] is above the tolerance.
     hidden: Option<usize>,
 }
@@ -156,6 +160,7 @@ impl Judge {
         let n = p.x.len();
         self.is_found = false;
         self.distant.clear();
+        self.homogeneous.clear();
         self.read(p);
         let (mut error, mut failing) = (0.0_f64, 0);
         for i in 0..n {
@@ -163,6 +168,7 @@ impl Judge {
             failing += usize::from(exceeds(e, tolerance));
             error = larger(error, e);
         }
+        let strict = error;
         if failing > 0 && self.may_be_homogeneous(p, tolerance) {
             error = self.error_of_homogeneous(p, tolerance);
         }
@@ -172,6 +178,7 @@ impl Judge {
         }
         Verdict {
             error,
+            strict,
             hidden,
             distant,
             flat: self.is_flat(p),
@@ -186,6 +193,12 @@ impl Judge {
         self.read(p);
         self.hidden(p, tolerance);
         (self.hidden, &self.distant)
+    }
+
+    /// The rows, increasing, that the last verdict measures at the sizes that were met. Where their derivatives change within a small part of
+    /// x, these do not say how large a residual may be: ln x at 1e-200.
+    pub(crate) fn homogeneous_rows(&self) -> &[usize] {
+        &self.homogeneous
     }
 
     /// The rows, increasing, that must be straight, if the last verdict [needs](Verdict::needs_straight) it.
@@ -361,14 +374,16 @@ impl Judge {
     /// The largest error, where rows whose terms and constants are rounding are measured at the sizes met.
     fn error_of_homogeneous(&mut self, p: &Point<'_>, tolerance: f64) -> f64 {
         self.meet(p);
-        (0..p.x.len()).fold(0.0, |worst, i| {
-            let (e, row) = (self.error(p, i), &self.rows[i]);
-            let eased = match exceeds(e, tolerance) && !self.loud[i] && row.is_rounding() {
-                true => p.f[i].abs() / row.sum,
-                false => e,
-            };
-            larger(worst, eased)
-        })
+        let mut worst = 0.0;
+        for i in 0..p.x.len() {
+            let (mut e, row) = (self.error(p, i), &self.rows[i]);
+            if exceeds(e, tolerance) && !self.loud[i] && row.is_rounding() {
+                e = p.f[i].abs() / row.sum;
+                self.homogeneous.push(i);
+            }
+            worst = larger(worst, e);
+        }
+        worst
     }
 
     /// The constants of a row beside which residual and rounding are looked at; 0 where it is known to have none. Where they are not given

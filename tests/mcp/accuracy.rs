@@ -313,3 +313,29 @@ fn a_contradiction_far_out_is_at_rounding() {
         }
     }
 }
+
+/// ln y/16 = 0 with y ≤ 1/16, beside an unknown of ordinary size: there is no solution, and none near y = 0, where the row's derivative is
+/// huge, its terms small beside that, and its residual of order one.
+#[test]
+fn logarithms_near_minus_infinity_are_no_zeros() {
+    for (start, scale) in [(1e-300, 1.0), (1e-200, 16.0), (1e-50, 1e6), (0.01, 1.0)] {
+        let function = WithJacobian::new(
+            2,
+            move |x: &[f64], out: &mut [f64]| {
+                out[0] = x[0] - scale;
+                out[1] = x[1].ln() / 16.0;
+            },
+            |x: &[f64], jac: &mut Matrix| {
+                jac.add(0, 0, 1.0);
+                jac.add(1, 1, 1.0 / (16.0 * x[1]));
+                jac.add(1, 0, 0.0);
+            },
+        );
+        let problem = Mcp::new(function, vec![-INF; 2], vec![INF, 1.0 / 16.0]).unwrap();
+        let free = |x: &[f64]| x[1] < 1.0 / 16.0;
+        let mut x = [0.0, start];
+        let mut solver = McpSolver::default();
+        let report = solver.solve(&problem, &mut x).unwrap();
+        assert!(!(report.is_solved() && free(&x)), "{start:e}: {report} at {x:?}");
+    }
+}

@@ -10,6 +10,9 @@ use crate::sparse::max_abs;
 /// Distance to zero or to a bound, relative to 1 + ‖x‖, that is treated as rounding error: the point without it is tried as a solution.
 const ROUND_OFF: f64 = 1e-8;
 
+/// Part of x by which another point differs where derivatives are compared.
+const BESIDE: f64 = 1.0 / 1024.0;
+
 impl Engine<'_> {
     /// The verdict on `work.here.x`, where F and ∇F have just been evaluated.
     pub(super) fn measure(&mut self, tolerance: f64) -> Verdict {
@@ -25,9 +28,12 @@ impl Engine<'_> {
             lower: self.lower,
             upper: self.upper,
         };
-        let verdict = w
+        let mut verdict = w
             .judge
             .verdict_with(&point, tolerance, tolerance.min(self.options.tolerance));
+        if !self.affine && !self.is_straight_nearby() {
+            verdict.error = verdict.strict;
+        }
         self.report.error = verdict.error;
         verdict
     }
@@ -44,10 +50,21 @@ impl Engine<'_> {
                     && (!verdict.needs_straight(tolerance) || self.is_straight()))
     }
 
+    /// Whether rows that vanish with all their terms have the same derivatives a little inside.
+    fn is_straight_nearby(&mut self) -> bool {
+        let bounds = self.lower.iter().zip(self.upper);
+        let w = &mut *self.work;
+        let rows = w.judge.homogeneous_rows();
+        let inside = |(&x, (&l, &u)): (&f64, (&f64, &f64))| (x - BESIDE * x).max(l).min(u);
+        rows.is_empty() || {
+            self.report.jacobians += 1;
+            let there = w.here.x.iter().zip(bounds).map(inside);
+            w.lin.is_same_at(self.function, there, rows)
+        }
+    }
+
     /// Whether the rows that have to be straight have the same derivatives at the start, or, from there, a little inside.
     fn is_straight(&mut self) -> bool {
-        /// Where the point is the start, part of x by which the other point differs.
-        const BESIDE: f64 = 1.0 / 1024.0;
         let bounds = self.lower.iter().zip(self.upper);
         let w = &mut *self.work;
         let moved = w.start != w.here.x;
