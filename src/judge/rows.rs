@@ -117,6 +117,16 @@ impl Row {
         self.variable + self.constant
     }
 
+    /// What is unknown beside a constant where the rows of the part depend on each other: the residual beyond rounding, and the square of what
+    /// rounding may hide.
+    fn conceals(&self, residual: f64, constant: f64) -> f64 {
+        let beyond = (residual.abs() - SUM * self.variable).max(0.0);
+        larger(
+            share(beyond, constant),
+            share(HIDING * self.variable, constant).powi(2),
+        )
+    }
+
     /// Whether all terms and constants are rounding of the row at the sizes that were met, with which `sum` was made.
     fn is_rounding(&self) -> bool {
         self.terms() <= ROUNDING * self.sum
@@ -145,8 +155,6 @@ pub(crate) struct Judge {
     distant: Vec<usize>,
     /// The rows whose terms and constants all are rounding, and whose residual is not small relative to these.
     homogeneous: Vec<usize>,
-    /// The first row for which [`Verdict::hidden`] is above the tolerance.
-    hidden: Option<usize>,
 }
 
 impl Judge {
@@ -185,14 +193,30 @@ impl Judge {
         }
     }
 
-    /// [`Verdict::hidden`] and [`Verdict::distant`] alone, for a point whose residuals others have judged: the first row with too much of the
-    /// former, if there is one, else the rows with too much of the latter, increasing, which must be straight.
-    pub(crate) fn conceals(&mut self, p: &Point<'_>, tolerance: f64) -> (Option<usize>, &[usize]) {
+    /// The first row, at a point whose residuals others have judged, of a part that is singular and whose constants are hidden by the rounding
+    /// of its terms. Of curved rows what is beside their derivatives may be noise: constants are at least as large as the terms of a typical
+    /// x, and as the largest of their part.
+    pub(crate) fn conceals(&mut self, p: &Point<'_>, tolerance: f64) -> Option<usize> {
         self.is_found = false;
-        self.distant.clear();
         self.read(p);
-        self.hidden(p, tolerance);
-        (self.hidden, &self.distant)
+        let largest = |row: &Row| row.constant.max(row.typical);
+        for i in 0..p.x.len() {
+            let row = self.rows[i];
+            if row.conceals(p.f[i], largest(&row)) <= tolerance {
+                continue;
+            }
+            self.find_parts(p);
+            let Some(part) = self.parts.of(i) else { continue };
+            let scaled = |&k: &usize| largest(&self.rows[k]) * self.factors[k];
+            let constant = { self.parts.members(part).iter() }
+                .map(scaled)
+                .fold(0.0, f64::max);
+            let constant = constant / self.factors[i];
+            if exceeds(row.conceals(p.f[i], constant), tolerance) && !self.is_regular(p, part) {
+                return Some(i);
+            }
+        }
+        None
     }
 
     /// The rows, increasing, that the last verdict measures at the sizes that were met. Where their derivatives change within a small part of
@@ -400,7 +424,6 @@ impl Judge {
     /// [`Verdict::hidden`] and [`Verdict::distant`], each looked at only where the tolerance asks for it.
     fn hidden(&mut self, p: &Point<'_>, tolerance: f64) -> (f64, f64) {
         let n = p.x.len();
-        self.hidden = None;
         // The least part that constants have of the terms, of all rows that have any: a quick look at rows without.
         let mut least = f64::INFINITY;
         for i in (0..n).filter(|&i| !p.rests(i)) {
@@ -413,13 +436,12 @@ impl Judge {
         for i in (0..n).filter(|&i| !p.rests(i)) {
             let (constant, row) = (self.constants(p, i), self.rows[i]);
             let (left, rounding) = (p.f[i].abs(), SUM * row.variable);
-            let (beyond, most) = ((left - rounding).max(0.0), HIDING * row.variable);
             let quick = if constant > 0.0 {
                 constant
             } else {
                 row.terms() * least
             };
-            let singular = |c: f64| larger(share(beyond, c), share(most, c).powi(2));
+            let singular = |c: f64| row.conceals(left, c);
             if singular(quick) <= tolerance {
                 continue;
             }
@@ -432,7 +454,6 @@ impl Judge {
             }
             if !self.is_regular(p, part) {
                 hidden = larger(hidden, if_singular);
-                self.hidden = self.hidden.or(Some(i));
                 continue;
             }
             let if_regular = share(left + rounding, constant).powi(2);

@@ -57,11 +57,10 @@ pub(super) fn iterate(
         tried: f64::INFINITY,
     };
     let outcome = match run.go(&mut jac, x) {
-        Ok(Ok(convergence)) => match run.hidden_row(&mut jac, x) {
-            Ok(Some(row)) => Ok(Err(Failure::FarOut { row })),
-            Ok(None) => Ok(Ok(convergence)),
-            Err(error) => Err(error),
-        },
+        Ok(Ok(convergence)) => Ok(match run.hidden_row(&jac, x) {
+            Some(row) => Err(Failure::FarOut { row }),
+            None => Ok(convergence),
+        }),
         other => other,
     };
     let best_norm = run.best_norm;
@@ -239,7 +238,7 @@ impl Run<'_> {
         norm2(&self.work.trial_r)
     }
 
-    pub(super) fn linearize(&mut self, jac: &mut Matrix, x: &[f64]) -> Result<(), NewtonError> {
+    fn linearize(&mut self, jac: &mut Matrix, x: &[f64]) -> Result<(), NewtonError> {
         jac.clear();
         self.system.linearize(x, jac);
         if let Some((row, col)) = jac.stray() {

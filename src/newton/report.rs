@@ -73,7 +73,7 @@ pub enum Failure {
     },
     /// The Jacobian is singular at the last iterate, and neither least-squares steps nor changes of pieces lead on from it.
     Singular,
-    /// So far out that the rounding of the terms of a row exceeds its constants, at a singular or varying Jacobian: whether a solution is near
+    /// So far out that the rounding of the terms of a row exceeds its constants, at a singular Jacobian: whether a solution is near
     /// cannot be seen there.
     FarOut {
         /// The row.
