@@ -12,9 +12,8 @@ use crate::continuation::{
     Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction,
 };
 use crate::enumeration::{EnumerationError, EnumerationOptions, SolutionSet};
-use crate::exact::Exact;
 use crate::fem::{ContactRows, ElasticSystem};
-use crate::piecewise::{ExactPieces, Expression, Formula, NonsmoothFunction, PiecewiseSmooth, Traced};
+use crate::piecewise::{Expression, Formula, PiecewiseSmooth, Traced};
 use crate::sensitivity::{Sensitivity, SensitivityError};
 use crate::sparse::Matrix;
 use crate::variational::{Polyhedron, VariationalError, Vi, ViReport, ViSolver};
@@ -207,30 +206,10 @@ where
 {
     let formula = Formula::new(x0.len(), function);
     let (lower, upper) = (lower.to_vec(), upper.to_vec());
-    match coefficients(&formula) {
+    match Traced::new(formula.clone()).affine() {
         Some((m, q)) => mcp(Lcp::boxed(m, q, lower, upper)?.mcp(), x0),
         None => mcp(&Mcp::new(Autodiff::new(formula), lower, upper)?, x0),
     }
-}
-
-/// M and q of a square affine formula M x + q without kinks, where they are floating-point numbers: solvers of affine problems prove that
-/// there is no solution, and reach those far out.
-fn coefficients(formula: &Formula) -> Option<(Matrix, Vec<f64>)> {
-    let n = formula.num_vars();
-    let map = Traced::new(formula.clone());
-    if map.num_sites() > 0 || formula.num_residuals() != n || !map.is_piecewise_affine() {
-        return None;
-    }
-    let stored = |e: &Exact| Some(e.to_f64()).filter(|&v| Exact::new(v).as_ref() == Some(e));
-    let conditions = map.conditions(0.0).filter(|c| c.unknowns == n)?;
-    let (mut entries, mut q) = (Vec::new(), Vec::with_capacity(n));
-    for (i, form) in conditions.common.iter().enumerate() {
-        q.push(stored(&form.constant)?);
-        for (j, e) in form.coefficients.iter().enumerate().filter(|e| !e.1.is_zero()) {
-            entries.push((i, j, stored(e)?));
-        }
-    }
-    Some((Matrix::from_triplets(n, n, &entries).ok()?, q))
 }
 
 /// Solves the linear complementarity problem 0 ≤ z ⟂ M z + q ≥ 0.

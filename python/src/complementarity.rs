@@ -340,7 +340,10 @@ impl Derivative {
             let map = map_of(function, m)?;
             let (variables, values) = (map.get().num_vars(), map.get().num_residuals());
             return match (variables, values) == (m, n) {
-                true => Ok(Self::Formula(map.unbind())),
+                true => Ok(match map.get().free().affine().filter(|_| m == n) {
+                    Some((matrix, q)) => Self::Affine(AffineFunction::new(matrix, q).map_err(raised)?),
+                    None => Self::Formula(map.unbind()),
+                }),
                 false => Err(PyValueError::new_err(format!(
                     "the function must give {n} values for {m} variables; it gives {values} for {variables}"
                 ))),

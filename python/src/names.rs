@@ -100,9 +100,9 @@ pub(crate) fn number(value: f64, beside: &[f64]) -> String {
 
 /// The size of an error.
 pub(crate) fn size(value: f64) -> String {
-    if value == 0.0 {
-        "0".to_owned()
-    } else {
-        format!("{value:.1e}")
+    match value {
+        0.0 => "0".to_owned(),
+        v if (1.0..9.95).contains(&v.abs()) => format!("{v:.1}"),
+        v => format!("{v:.1e}"),
     }
 }

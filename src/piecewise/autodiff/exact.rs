@@ -5,6 +5,7 @@ use crate::piecewise::abs_normal::{AbsNormal, Added, Terms, abs_normal};
 use crate::piecewise::{
     Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, PiecewiseSmooth,
 };
+use crate::sparse::Matrix;
 
 impl<F: NonsmoothFunction> Traced<F> {
     /// The abs-normal form, at any parameter or at one.
@@ -87,6 +88,36 @@ impl<F: NonsmoothFunction> Traced<F> {
             pieces: pieces.collect(),
             implied,
         }
+    }
+}
+
+impl<F: NonsmoothFunction> Traced<F> {
+    /// M and q of a function M x + q of as many values as variables, without kinks; `None` for others, and where a coefficient is no
+    /// floating-point number: then rounding would make it another function. Solvers of affine problems prove that there is no solution.
+    ///
+    /// ```
+    /// use semismooth::piecewise::{Formula, Traced};
+    /// let function = |text| Traced::new(Formula::read(&[text], &["x"]).unwrap());
+    /// let (m, q) = function("2*(x - 1) + x = 4").affine().unwrap();
+    /// assert_eq!((m.get(0, 0), q), (3.0, vec![-6.0]));
+    /// assert!(function("abs(x) = 1").affine().is_none() && function("x^2 = 1").affine().is_none());
+    /// ```
+    #[must_use]
+    pub fn affine(&self) -> Option<(Matrix, Vec<f64>)> {
+        let n = self.num_vars();
+        if self.num_sites() > 0 || self.num_residuals() != n || !self.is_piecewise_affine() {
+            return None;
+        }
+        let stored = |e: &Exact| Some(e.to_f64()).filter(|&v| Exact::new(v).as_ref() == Some(e));
+        let found = self.abs_normal(None).filter(|found| found.added.is_empty())?;
+        let (mut entries, mut q) = (Vec::new(), Vec::with_capacity(n));
+        for (i, terms) in found.values.iter().enumerate() {
+            q.push(stored(&terms.constant)?);
+            for (j, e) in terms.terms.iter().filter(|t| !t.1.is_zero()) {
+                entries.push((i, *j, stored(e)?));
+            }
+        }
+        Some((Matrix::from_triplets(n, n, &entries).ok()?, q))
     }
 }
 
