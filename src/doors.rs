@@ -413,7 +413,7 @@ pub fn contact_body(
 
 #[cfg(test)]
 mod tests {
-    use super::{SolveError, all_solutions, solve};
+    use super::{Formula, SolveError, Traced, all_solutions, solve};
     use crate::complementarity::McpStatus;
 
     /// Affine equations are taken as data: what contradicts itself is proven to, and solutions far out are found.
@@ -443,5 +443,8 @@ mod tests {
         let list = all_solutions(1, |x| vec![0.1 * x[0] + 0.2 * x[0] - 0.3 * x[0] - 1.0]).unwrap();
         assert_eq!(found.x, [2.0_f64.powi(55)]);
         assert_eq!(list.solutions[0].x, found.x);
+        // Here the sum is none that can be stored.
+        let sum = Formula::new(1, |x| vec![0.1 * x[0] + 0.2 * x[0] - 1.0]);
+        assert!(Traced::new(sum).affine().is_none());
     }
 }

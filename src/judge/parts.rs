@@ -1,7 +1,9 @@
 //! The parts of a square system that determine their unknowns together.
 
 use super::Columns;
-use crate::linear::{AutoSolver, LinearError, LinearSolver, TruncatedMultigrid, aggregation_hierarchy};
+use crate::linear::{
+    AutoSolver, LinearError, LinearSolver, TruncatedMultigrid, WORTH, aggregation_hierarchy,
+};
 use crate::sparse::{Matrix, max_abs};
 
 /// The strongly connected components of the pattern of a square matrix, row i belonging to unknown i.
@@ -150,10 +152,6 @@ impl Parts {
     }
 }
 
-/// Order from which multigrid finds in a fraction of the time of factors that a matrix is monotone: that from which reduced systems of
-/// obstacle problems are solved iteratively.
-const LARGE: usize = 5000;
-
 /// Whether a large matrix is shown to be a non-singular M matrix, well enough conditioned in the largest norm.
 ///
 /// No entry off its diagonal is positive, and A v ≥ δ > 0 for some v > 0: then ‖A⁻¹‖∞ ≤ ‖v‖∞ / δ (A. Berman, R. J. Plemmons, Nonnegative
@@ -163,7 +161,7 @@ fn is_monotone(a: &Matrix) -> bool {
     /// Iterations of conjugate gradients after which factors are no slower.
     const MOST: usize = 60;
     let n = a.nrows();
-    if n < LARGE
+    if n < WORTH
         || a.triplets()
             .any(|(i, j, v)| if i == j { v <= 0.0 } else { v > 0.0 })
     {

@@ -52,7 +52,7 @@ pub use krylov::{Krylov, KrylovEnd, KrylovMethod, KrylovReport};
 pub(crate) use memory::dense_zeros;
 pub use multigrid::{Multigrid, Prolongation};
 pub(crate) use multigrid::{
-    Rows, RowsRef, TruncatedMultigrid, affine_prolongation, aggregation_hierarchy, coarse_problem,
+    Rows, RowsRef, TruncatedMultigrid, WORTH, affine_prolongation, aggregation_hierarchy, coarse_problem,
 };
 pub use operator::{LinearOperator, Preconditioned};
 pub(crate) use row_updates::RowUpdates;

@@ -339,3 +339,42 @@ fn logarithms_near_minus_infinity_are_no_zeros() {
         assert!(!(report.is_solved() && free(&x)), "{start:e}: {report} at {x:?}");
     }
 }
+
+/// The same row beside others that are coupled, whose unknowns are of order ten: random bytes made this problem, and a point with a residual
+/// of 30 was called solved. It has no solution, since ln x₃ = 0 needs x₃ = 1.
+#[test]
+fn coupled_rows_do_not_excuse_logarithms() {
+    let linear = [
+        [-8.0, 6.75, -7.6875, 0.0],
+        [7.875, 5.5625, -4.9375, 0.0],
+        [0.0; 4],
+        [0.3125, 0.0, 0.0, 0.0],
+    ];
+    let function = WithJacobian::new(
+        4,
+        move |x: &[f64], out: &mut [f64]| {
+            for (out, row) in out.iter_mut().zip(&linear) {
+                *out = row.iter().zip(x).map(|(a, x)| a * x).sum();
+            }
+            out[0] += 0.6875 + 0.0625 * x[1].exp();
+            out[1] += 0.125 * x[2].ln();
+            out[2] += 0.0625 * x[3].ln();
+            out[3] -= 8.0 / x[0];
+        },
+        move |x: &[f64], jac: &mut Matrix| {
+            for (i, row) in linear.iter().enumerate() {
+                row.iter().enumerate().for_each(|(j, a)| jac.add(i, j, *a));
+            }
+            jac.add(0, 1, 0.0625 * x[1].exp());
+            jac.add(1, 2, 0.125 / x[2]);
+            jac.add(2, 3, 0.0625 / x[3]);
+            jac.add(3, 0, 8.0 / (x[0] * x[0]));
+        },
+    );
+    let (lower, upper) = (vec![0.0, 0.0, -INF, -INF], vec![INF, INF, INF, 1.0 / 16.0]);
+    let problem = Mcp::new(function, lower, upper).unwrap();
+    let mut x = [0.0, 2.625, 6.4375, 1e-300];
+    let mut solver = McpSolver::new(McpOptions::default().with_max_iterations(2000));
+    let report = solver.solve(&problem, &mut x).unwrap();
+    assert!(!report.is_solved() && report.error > 1e-3, "{report} at {x:?}");
+}

@@ -9,6 +9,7 @@ use semismooth::piecewise::{PiecewiseSmooth, select};
 use semismooth::sensitivity::{Loaded, Sensitivity};
 use semismooth::sparse::Matrix;
 
+use super::dot;
 use super::random::Random;
 
 /// The body under a load of the nodes.
@@ -102,20 +103,8 @@ fn derivatives_in_loads_and_friction_are_differences() {
     }
     let random = &mut Random::new(1);
     let (w, delta) = (random.vector(n, 1.0), random.vector(3, 1.0));
-    let forward: f64 = found
-        .jvp(&delta)
-        .unwrap()
-        .iter()
-        .zip(&w)
-        .map(|(a, b)| a * b)
-        .sum();
-    let adjoint: f64 = found
-        .vjp(&w)
-        .unwrap()
-        .iter()
-        .zip(&delta)
-        .map(|(a, b)| a * b)
-        .sum();
+    let forward = dot(&found.jvp(&delta).unwrap(), &w);
+    let adjoint = dot(&found.vjp(&w).unwrap(), &delta);
     assert!((forward - adjoint).abs() < 1e-11 * forward.abs().max(1.0));
 
     let condensed = CondensedContact::new((block.body)(&block.pressure), law(0.1, states.len())).unwrap();

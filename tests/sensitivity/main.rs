@@ -9,3 +9,7 @@ mod exact;
 mod kinks;
 mod ranges;
 mod smooth;
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -83,3 +83,22 @@ fn at_kinks_the_range_is_that_of_the_piece_entered() {
     ));
     assert!(found.valid_until(&[1.0], 0.0).is_err());
 }
+
+/// x₁ = 1 + 0.3 x₀ − 0.3 θ stays where it is, but for rounding, and so does x₂ = max(x₁, 0): no kink is ahead, however far.
+#[test]
+fn test_functions_that_rounding_moves_are_never_met() {
+    for theta in [0.1, 0.7, 3.3, 1e3] {
+        let map = parametric(3, 1, |x, p| {
+            vec![
+                x[0] - p[0],
+                x[1] - 0.3 * x[0] + 0.3 * p[0] - 1.0,
+                x[2] - x[1].max(0.0),
+            ]
+        });
+        let mut found = Sensitivity::new(map, &[theta, 1.0, 1.0], &[theta]).unwrap();
+        for side in [1.0, -1.0] {
+            let range = found.valid_until(&[side], 1.0).unwrap();
+            assert_eq!(range, Validity::Exact(f64::INFINITY), "{theta} {side}");
+        }
+    }
+}

@@ -1,10 +1,11 @@
 //! Away from kinks: differences, the adjoint, and what is refused.
 
 use semismooth::piecewise::{Expression, MinMap, PiecewiseError};
-use semismooth::sensitivity::{Loaded, Sensitivity, SensitivityError};
+use semismooth::sensitivity::{DerivativeDoubt, Differentiability, Loaded, Sensitivity, SensitivityError};
 use semismooth::sparse::Matrix;
 use semismooth::{parametric, parametric_mcp};
 
+use super::dot;
 use super::random::Random;
 
 /// Derivatives of an equilibrium with bounds are those of differences, and products with the transpose those
@@ -51,20 +52,8 @@ fn derivatives_are_differences_and_the_adjoint_is_exact() {
     let random = &mut Random::new(1);
     for _ in 0..10 {
         let (w, delta) = (random.vector(3, 1.0), random.vector(2, 1.0));
-        let forward: f64 = found
-            .jvp(&delta)
-            .unwrap()
-            .iter()
-            .zip(&w)
-            .map(|(a, b)| a * b)
-            .sum();
-        let adjoint: f64 = found
-            .vjp(&w)
-            .unwrap()
-            .iter()
-            .zip(&delta)
-            .map(|(a, b)| a * b)
-            .sum();
+        let forward = dot(&found.jvp(&delta).unwrap(), &w);
+        let adjoint = dot(&found.vjp(&w).unwrap(), &delta);
         assert!((forward - adjoint).abs() < 1e-14);
     }
 }
@@ -136,4 +125,24 @@ fn errors_name_what_is_wrong() {
     assert!(found.jvp(&[1.0, 1.0]).is_err() && found.vjp(&[f64::NAN]).is_err());
     let singular = found.element(&[[0.0]]).unwrap_err();
     assert_eq!(singular, SensitivityError::Frame { expected: 1 });
+}
+
+/// x₀ + x₁ = θ and x₀ + (1 + ε) x₁ = θ: regular, but for small ε rounding of the coefficients may decide that.
+#[test]
+fn nearly_singular_derivatives_are_doubted() {
+    for (epsilon, known) in [(1e-3, Some(true)), (1e-8, Some(true)), (1e-13, None)] {
+        let map = parametric(2, 1, |x, p| {
+            vec![x[0] + x[1] - p[0], x[0] + (1.0 + epsilon) * x[1] - p[0]]
+        });
+        let found = Sensitivity::new(map, &[1.0, 0.0], &[1.0])
+            .unwrap()
+            .differentiable()
+            .unwrap();
+        assert_eq!(found.known(), known, "{epsilon:e}: {found}");
+        let doubted = matches!(
+            found,
+            Differentiability::Undecided(DerivativeDoubt::IllConditioned { .. })
+        );
+        assert_eq!(doubted, known.is_none());
+    }
 }

@@ -1,11 +1,8 @@
 use super::nested::algebraic_start;
 use super::{ActiveSetOptions, DirectReduced, MultigridReduced};
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};
-use crate::linear::{LinearError, aggregation_hierarchy};
+use crate::linear::{LinearError, WORTH, aggregation_hierarchy};
 use crate::sparse::Matrix;
-
-/// Number of unknowns from which sparse symmetric systems are solved iteratively by [`AutoReduced`].
-const ITERATIVE: usize = 5000;
 
 /// A start for an active-set method.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,7 +96,7 @@ impl AutoReduced {
 
 /// Whether multigrid serves a matrix: large, sparse, symmetric, its diagonal positive.
 pub(super) fn suits_multigrid(matrix: &Matrix) -> bool {
-    matrix.nrows() >= ITERATIVE && is_sparse_and_positive(matrix)
+    matrix.nrows() >= WORTH && is_sparse_and_positive(matrix)
 }
 
 /// Whether a matrix is sparse, symmetric and has a positive diagonal.

@@ -16,6 +16,9 @@ pub(crate) use self::rows::{Rows, RowsRef};
 use super::LinearError;
 use crate::sparse::MatrixRef;
 
+/// Number of unknowns from which cycles take less time than sparse factors, of matrices of grids in the plane.
+pub(crate) const WORTH: usize = 5000;
+
 /// Coarsening stops at this many unknowns.
 const COARSEST: usize = 60;
 /// Sweeps on the coarsest level, forth and back.
