@@ -195,6 +195,10 @@ impl Parametric {
             return Err(PyTypeError::new_err(what));
         }
         let params = start(params, "params")?;
+        if let Some(k) = params.iter().position(|p| !p.is_finite()) {
+            let what = format!("params[{k}] is {}; all must be finite", params[k]);
+            return Err(PyValueError::new_err(what));
+        }
         let full = trace_two(function.py(), function, n, params.len())?;
         match full.num_residuals() == n {
             true => Ok(Self { params, full, n }),

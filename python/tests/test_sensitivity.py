@@ -109,3 +109,8 @@ def test_contact_forces_have_derivatives_in_the_load():
     at = problem.at(kink.x)
     assert at.differentiable is False
     assert not np.allclose(at.jvp(), -at.jvp(-1.0))
+
+
+def test_parameters_that_are_not_finite_are_named():
+    with pytest.raises(ValueError, match=r"params\[1\] is NaN"):
+        ss.solve(lambda x, p: [x[0] - p[0] - p[1]], [0.0], params=[1.0, np.nan])

@@ -221,7 +221,7 @@ pub enum FemError {
     NothingFree,
     /// The supports let the body move without strain.
     #[error(
-        "the body floats: nothing resists {modes}; the stiffness matrix is singular. Fix more of the boundary of the part that node {node} belongs to"
+        "the body floats: nothing resists {modes}; the stiffness matrix is singular. Fix more of the boundary of the part that node {node} belongs to, or accept that contact alone holds it (`floating`)"
     )]
     Floating {
         /// The free rigid modes, in words.

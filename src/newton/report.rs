@@ -100,7 +100,8 @@ impl fmt::Display for Failure {
             Self::Stationary { gradient_norm } => {
                 write!(
                     f,
-                    "a stationary point of the merit function (gradient {gradient_norm:e}) that is no solution"
+                    "a stationary point of the merit function (gradient {}) that is no solution",
+                    Size(*gradient_norm)
                 )
             }
             Self::Singular => f.write_str("the Jacobian is singular"),

@@ -3,6 +3,7 @@ use thiserror::Error;
 use crate::continuation::ContinuationError;
 use crate::linear::LinearError;
 use crate::piecewise::{LocalUniqueness, PiecewiseError, Selection};
+use crate::words::Size;
 
 /// Why a derivative of a solution is not given.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -48,9 +49,10 @@ pub enum SensitivityError {
     },
     /// The derivative of a selection in the unknowns is singular.
     #[error(
-        "the solution is irregular: the derivative of the active pieces in the unknowns is singular (reciprocal condition {rcond:e}{}); \
+        "the solution is irregular: the derivative of the active pieces in the unknowns is singular (reciprocal condition {}{}); \
          follow the curve of solutions instead",
-        singular_value.map(|s| format!(", least singular value {s:e}")).unwrap_or_default()
+        Size(*rcond),
+        singular_value.map(|s| format!(", least singular value {}", Size(s))).unwrap_or_default()
     )]
     Irregular {
         /// The selection.
