@@ -10,6 +10,8 @@ use crate::words::Count;
 
 /// A component of a unit tangent below which it is not said in which direction it goes.
 const STANDS: f64 = 1e-7;
+/// Distance relative to 1 + ‖x‖ up to which points of two lists are one: far above what correctors leave, far below what pictures show.
+const SAME: f64 = 1e-6;
 
 /// An event of the curve.
 pub(super) struct Happening<'a> {
@@ -123,8 +125,8 @@ impl<'a> View<'a> {
             false => ("smallest", "falls", "lowered further"),
         };
         let mut out = format!(
-            "On this curve the load {rises} to {} and turns back: it is the {size} one in the neighbourhood. If the load is {more}, there is \
-             no solution near this one, and the state has to jump, which equations of equilibrium do not describe.",
+            "On this curve the load {rises} to {} and turns back: it is the {size} one in the neighbourhood. If the load is {more}, the \
+             curve has no solution near this one, and the state has to jump, which equations of equilibrium do not describe.",
             self.at(here)
         );
         match self
@@ -134,7 +136,7 @@ impl<'a> View<'a> {
             .map(|d| d.solutions_at(self.subject.map, here))
         {
             Some(Ok(at)) if at.continua.is_empty() => {
-                let near = 1e-6 * (1.0 + norm(vertex.x));
+                let near = SAME * (1.0 + norm(vertex.x));
                 let others = at
                     .points
                     .iter()
@@ -190,7 +192,7 @@ impl<'a> View<'a> {
         let known = |x: &[f64]| {
             happenings
                 .iter()
-                .any(|h| distance(h.x, x) <= 1e-6 * (1.0 + norm(x)))
+                .any(|h| distance(h.x, x) <= SAME * (1.0 + norm(x)))
         };
         let kinds = diagram.vertices().iter().filter_map(|v| {
             let what = match v.kind {
