@@ -38,7 +38,7 @@
 //! twice the error: near a singularity of F terms are large without a solution nearby. A residual that is only the rounding error of huge
 //! terms gives [`McpStatus::AtRounding`]. McpSolver, [`ActiveSetSolver`](active_set::ActiveSetSolver),
 //! [`Nested`](active_set::Nested), [`Lemke`](pivoting::Lemke) and [`ViSolver`](crate::variational::ViSolver) use this rule.
-//! [`Newton`](crate::newton::Newton) does not: it compares residuals with their terms alone, and may end far out where J is singular.
+//! [`Newton`](crate::newton::Newton) compares residuals with their terms alone, but refuses points far out where J is singular, too.
 //!
 //! ```
 //! use semismooth::complementarity::{Mcp, McpSolver, WithJacobian};

@@ -1,5 +1,5 @@
 //! Where *solved* is decided for complementarity problems, variational inequalities, cones and Delassus problems: a solver proposes a point,
-//! the judge decides. Newton's method has its own test, `newton/convergence.rs`.
+//! the judge decides. Newton's method has its own test, `newton/convergence.rs`, and asks here what rounding hides far out.
 //!
 //! [`Judge`] decides for equations, complementarity problems and whatever else is solved row by row; the laws of cones and of contact are
 //! checked as laws in [`laws`].
