@@ -23,18 +23,12 @@ use std::time::Instant;
 use clap::Parser;
 use common::{Outcome, ensure, exit};
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactError, ContactSolution, FrictionCoefficient, FrictionCurve,
-    LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions,
+    CondensedContact, ContactError, ContactForm, ContactSolution, FrictionCoefficient, FrictionCurve,
+    LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedContact, ReducedOptions,
 };
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
-use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, read_gmsh};
+use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh, read_gmsh};
 use semismooth::piecewise::PiecewiseSmooth;
-use semismooth::sparse::Matrix;
-
-/// Displacements of a solid beyond which multigrid is faster than one factorisation, on the machine of the README.
-const SOLID: usize = 6_000;
-/// The same in the plane, where factors stay sparse: what 16 GB hold.
-const PLANE: usize = 3_000_000;
 
 /// Times the phases of contact problems on finer and finer meshes.
 #[derive(Parser)]
@@ -165,18 +159,17 @@ fn measure<L: NodeLaw>(
         .fix("left")
         .discretize()?;
     let free = system.num_free();
-    let condensed = match args.route.as_str() {
-        "condensed" => true,
-        "displacements" => false,
-        "auto" => free <= if dim == 2 { PLANE } else { SOLID },
+    let form = match args.route.as_str() {
+        "condensed" => ContactForm::Condensed,
+        "displacements" => ContactForm::Displacements,
+        "auto" => ContactForm::Auto,
         other => {
             return Err(format!("there is no route \"{other}\": auto, condensed or displacements").into());
         }
     };
-    let mut row = if condensed {
-        condense(system, foundation, law, args, &mut lap)?
-    } else {
-        reduce(system, foundation, law, args.levels, &mut lap)?
+    let mut row = match form.suited(dim, free, true) {
+        ContactForm::Displacements => reduce(system, foundation, law, args.levels, &mut lap)?,
+        _ => condense(system, foundation, law, args, &mut lap)?,
     };
     row.times[0] = meshed;
     row.print(name, free);
@@ -186,13 +179,6 @@ fn measure<L: NodeLaw>(
     Ok(())
 }
 
-fn traces(system: &ElasticSystem, foundation: &Foundation) -> Outcome<(ContactRows, Vec<Matrix>)> {
-    let mut rows = system.contact("bottom", foundation)?;
-    let mut tangential = vec![rows.tangential.clone()];
-    tangential.extend(rows.tangential2.take());
-    Ok((rows, tangential))
-}
-
 fn condense<L: NodeLaw>(
     system: ElasticSystem,
     foundation: &Foundation,
@@ -200,10 +186,9 @@ fn condense<L: NodeLaw>(
     args: &Args,
     lap: &mut Lap,
 ) -> Outcome<Row> {
-    let (load, (rows, tangential)) = (loads(&system)?, traces(&system, foundation)?);
-    let a = system.stiffness().clone();
+    let (load, rows) = (loads(&system)?, system.contact("bottom", foundation)?);
+    let body = semismooth::contact_body(&system, &rows, load)?;
     drop(system);
-    let body = ContactBody::new(a, rows.normal, tangential, load)?.with_gap(rows.gap)?;
     let assembled = lap.seconds();
     let problem = CondensedContact::new(body, law)?;
     let setup = lap.seconds();
@@ -284,10 +269,9 @@ fn reduce<L: NodeLaw>(
     levels: usize,
     lap: &mut Lap,
 ) -> Outcome<Row> {
-    let (load, (rows, tangential)) = (loads(&system)?, traces(&system, foundation)?);
-    let stiffness = system.nodal_stiffness()?;
+    let (load, rows) = (loads(&system)?, system.contact("bottom", foundation)?);
+    let body = semismooth::reduced_body(&system, &rows, load)?;
     drop(system);
-    let body = ReducedBody::new(stiffness, &rows.normal, &tangential, load)?.with_gap(rows.gap)?;
     let assembled = lap.seconds();
     let mut problem = ReducedContact::new(body, law, ReducedOptions::default())?;
     let setup = lap.seconds();

@@ -7,12 +7,10 @@ use crate::complementarity::{
     AffineFunction, Autodiff, ComplementarityError, Lcp, Mcp, McpReport, McpSolver, check_bounds,
 };
 use crate::cones::{Cone, ConeError, ConeProblem, ConeReport, ConeSolver};
-use crate::contact::{ContactBody, ContactError, LoadPath};
 use crate::continuation::{
     Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction,
 };
 use crate::enumeration::{EnumerationError, EnumerationOptions, SolutionSet};
-use crate::fem::{ContactRows, ElasticSystem};
 use crate::piecewise::{Expression, Formula, PiecewiseSmooth, Traced};
 use crate::sensitivity::{Sensitivity, SensitivityError};
 use crate::sparse::Matrix;
@@ -380,35 +378,6 @@ where
 {
     let map = Traced::new(Formula::new(num_vars, equations));
     crate::enumeration::all_solutions(&map, 0.0, &EnumerationOptions::default())
-}
-
-/// The body of a contact problem from an elastic system, the rows of its contact nodes
-/// ([`ElasticSystem::contact`], [`ElasticSystem::contact_between`]) and a load.
-///
-/// ```
-/// use semismooth::contact::{CondensedContact, FrictionCoefficient, LoadPath, PlanarCoulomb};
-/// use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
-/// let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [8, 4])?; // or fem::read_gmsh("block.msh")?
-/// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3)?).fix("left").assemble()?;
-/// let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
-/// let load = LoadPath::constant(system.traction("top", |_| [0.0, -0.01, 0.0])?);
-/// let law = PlanarCoulomb::new(FrictionCoefficient::constant(0.4)?);
-/// let problem = CondensedContact::new(semismooth::contact_body(&system, &rows, load)?, law)?;
-/// println!("{}", problem.solution(&problem.solve(0.0, None)?)?); // states of the nodes, residuals
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-///
-/// # Errors
-/// As [`ContactBody::new`].
-pub fn contact_body(
-    system: &ElasticSystem,
-    rows: &ContactRows,
-    load: LoadPath,
-) -> Result<ContactBody, ContactError> {
-    let mut tangential = vec![rows.tangential.clone()];
-    tangential.extend(rows.tangential2.clone());
-    ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, load)?
-        .with_gap(rows.gap.clone())
 }
 
 #[cfg(test)]

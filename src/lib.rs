@@ -29,6 +29,7 @@
 #[cfg(test)]
 extern crate self as semismooth;
 
+mod bodies;
 mod cause;
 mod clock;
 pub mod complementarity;
@@ -60,11 +61,12 @@ pub mod sweep;
 pub mod variational;
 mod words;
 
+pub use bodies::{contact_body, contact_problem, reduced_body};
 pub use cause::Cause;
 #[cfg(feature = "autodiff")]
 pub use doors::{
-    McpResult, Solution, SolveError, ViResult, all_solutions, contact_body, diagram, follow, parametric,
-    parametric_mcp, solve, solve_cone, solve_lcp, solve_mcp, solve_qp, solve_vi,
+    McpResult, Solution, SolveError, ViResult, all_solutions, diagram, follow, parametric, parametric_mcp,
+    solve, solve_cone, solve_lcp, solve_mcp, solve_qp, solve_vi,
 };
 pub use words::UnknownName;
 

@@ -201,7 +201,7 @@ fn block(cells: [usize; 2]) -> (CondensedContact<PlanarCoulomb>, ElasticSystem, 
     let body = ContactBody::new(
         system.stiffness().clone(),
         rows.normal.clone(),
-        vec![rows.tangential.clone()],
+        rows.tangential.clone(),
         load,
     );
     let body = body.unwrap().with_gap(rows.gap.clone()).unwrap();

@@ -5,8 +5,7 @@
 use std::error::Error;
 
 use semismooth::contact::{
-    CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, LoadPath, OrthotropicCoulomb,
-    PlanarCoulomb,
+    CondensedContact, FrictionCoefficient, FrictionCurve, LoadPath, OrthotropicCoulomb, PlanarCoulomb,
 };
 use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh};
 
@@ -34,13 +33,7 @@ pub(crate) fn bar2d(nx: usize) -> Result<Bar<PlanarCoulomb>> {
     let mesh = Mesh::rectangle([0.0, 0.0], [10.0, 1.0], [nx, nx / 10])?;
     let (system, load) = press(mesh, [0.57, 0.0, 0.0])?;
     let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
-    let body = ContactBody::new(
-        system.stiffness().clone(),
-        rows.normal.clone(),
-        vec![rows.tangential.clone()],
-        LoadPath::constant(load),
-    )?
-    .with_gap(rows.gap.clone())?;
+    let body = semismooth::contact_body(&system, &rows, LoadPath::constant(load))?;
     let law = PlanarCoulomb::new(FrictionCoefficient::scaled(weakening()));
     Ok(Bar {
         problem: CondensedContact::new(body, law)?,
@@ -56,14 +49,7 @@ pub(crate) fn bar3d(nx: usize, orthotropic: bool) -> Result<Bar<OrthotropicCoulo
     let pull = if orthotropic { 0.54 } else { 0.56 };
     let (system, load) = press(mesh, [pull, 0.03, 0.0])?;
     let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]))?;
-    let second = rows.tangential2.clone().ok_or("no second tangent")?;
-    let body = ContactBody::new(
-        system.stiffness().clone(),
-        rows.normal.clone(),
-        vec![rows.tangential.clone(), second],
-        LoadPath::constant(load),
-    )?
-    .with_gap(rows.gap.clone())?;
+    let body = semismooth::contact_body(&system, &rows, LoadPath::constant(load))?;
     let along = FrictionCoefficient::scaled(weakening());
     let across = along.times(if orthotropic { 0.6 } else { 1.0 });
     Ok(Bar {

@@ -57,7 +57,7 @@ fn problem(
     Ok(FullContact::planar(
         system.stiffness().clone(),
         contact.normal,
-        contact.tangential,
+        contact.tangential[0].clone(),
         load,
         friction,
     )?

@@ -31,8 +31,7 @@ fn condense<L: NodeLaw>(mesh: Mesh, law: L) -> Result<(CondensedContact<L>, Cont
     let mut load = system.traction("top", |_| normal.map(|n| -n))?;
     let pull = system.traction("right", |_| [0.4, 0.0, 0.0])?;
     load.iter_mut().zip(&pull).for_each(|(l, p)| *l += p);
-    let mut tangential = vec![rows.tangential.clone()];
-    tangential.extend(rows.tangential2.clone());
+    let tangential = rows.tangential.clone();
     let body = ContactBody::new(
         system.stiffness().clone(),
         rows.normal.clone(),
@@ -122,7 +121,7 @@ fn on_the_ground(
 ) -> Result<CondensedContact<PlanarCoulomb>> {
     let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
     let a = system.stiffness().clone();
-    let body = ContactBody::new(a, rows.normal, vec![rows.tangential], load)?.with_gap(rows.gap)?;
+    let body = ContactBody::new(a, rows.normal, rows.tangential, load)?.with_gap(rows.gap)?;
     let law = PlanarCoulomb::new(FrictionCoefficient::constant(friction)?);
     Ok(CondensedContact::new(body, law)?)
 }

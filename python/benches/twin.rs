@@ -4,7 +4,7 @@ use std::error::Error;
 use std::time::{Duration, Instant};
 
 use semismooth::complementarity::{Lcp, McpSolver};
-use semismooth::contact::{CondensedContact, ContactBody, FrictionCoefficient, LoadPath, PlanarCoulomb};
+use semismooth::contact::{CondensedContact, FrictionCoefficient, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
@@ -62,13 +62,7 @@ fn block(n: usize) -> Outcome<(CondensedContact<PlanarCoulomb>, Vec<f64>)> {
         .assemble()?;
     let load = LoadPath::affine(system.supports(), system.motion("top", 0, |_| 0.05)?);
     let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
-    let body = ContactBody::new(
-        system.stiffness().clone(),
-        rows.normal,
-        vec![rows.tangential],
-        load,
-    )?
-    .with_gap(rows.gap)?;
+    let body = semismooth::contact_body(&system, &rows, load)?;
     let problem = CondensedContact::new(body, PlanarCoulomb::new(FrictionCoefficient::constant(0.4)?))?;
     let start = problem.solve(0.0, None)?;
     Ok((problem, start))

@@ -7,9 +7,8 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString};
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactError, FullContact, ReducedBody, ReducedContact, ReducedOptions,
+    CondensedContact, ContactError, ContactForm, FullContact, ReducedContact, ReducedOptions,
 };
-use semismooth::fem;
 use semismooth::interface::{LoadCase, LoadPath};
 use semismooth::piecewise::PiecewiseSmooth;
 
@@ -40,11 +39,6 @@ pub(crate) enum Route {
 }
 
 pub(crate) type Reduced = Mutex<ReducedContact<Law>>;
-
-/// Numbers of free displacements beyond which "auto" takes the reduced form: for solids, because multigrid is then quicker than one
-/// factorisation; in the plane, where factors stay sparse, because of memory.
-const SOLID: usize = 6_000;
-const PLANE: usize = 3_000_000;
 
 /// The same expression for either form.
 macro_rules! of_form {
@@ -167,11 +161,11 @@ impl ContactProblem {
         let multipliers = self::multipliers(multipliers)?;
         let cases: Vec<LoadCase> = paths.iter().map(|(load, _)| load.get().case.clone()).collect();
         let path = load_path(body, load, rate, paths)?;
-        let large = system.num_free() > if dim == 2 { PLANE } else { SOLID };
-        let form = match form {
-            "auto" if large && !between && stiffness.is_none() => "reduced",
-            "auto" => "condensed",
-            "condensed" | "full" | "reduced" => form,
+        let wanted = match form {
+            "auto" => ContactForm::Auto,
+            "condensed" => ContactForm::Condensed,
+            "full" => ContactForm::Full,
+            "reduced" => ContactForm::Displacements,
             other => {
                 return Err(PyValueError::new_err(format!(
                     "form = \"{other}\" is not known: write \"condensed\", \"full\", \"reduced\" or \"auto\""
@@ -188,35 +182,29 @@ impl ContactProblem {
             .transpose()?;
         let law = law(picked.as_ref(), dim, &rows.areas)?;
         let compliance = Compliance::new(stiffness, &rows.areas)?;
-        if form == "reduced" && compliance.is_some() {
+        let nodal = compliance.is_none() && rows.is_nodal(system);
+        let wanted = wanted.suited(dim, system.num_free(), nodal);
+        if wanted == ContactForm::Displacements && compliance.is_some() {
             return Err(PyValueError::new_err(
                 "a problem in reduced form has no stiffness between its sides: write form=\"condensed\"",
             ));
         }
         let own = law.clone();
-        let route = py.detach(|| -> Result<Route, SetupError> {
-            let mut tangential = vec![rows.tangential.clone()];
-            tangential.extend(rows.tangential2.clone());
-            if form == "reduced" {
-                let body = ReducedBody::new(system.nodal_stiffness()?, &rows.normal, &tangential, path)?;
-                let body = body.with_gap(rows.gap.clone())?;
+        let route = py.detach(|| -> Result<Route, ContactError> {
+            if wanted == ContactForm::Displacements {
+                let body = semismooth::reduced_body(system, &rows, path)?;
                 let problem = ReducedContact::new(body, own, ReducedOptions::default())?;
                 return Ok(Route::Reduced(Box::new(Mutex::new(problem))));
             }
-            let body = ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, path)?
-                .with_gap(rows.gap.clone())?;
-            let body = Compliance::of(body, compliance)?;
-            Ok(Route::Mapped(Box::new(match form {
-                "condensed" => Form::Condensed(CondensedContact::new(body, own)?),
-                _ => Form::Full(FullContact::new(body, own)?),
+            let body = Compliance::of(semismooth::contact_body(system, &rows, path)?, compliance)?;
+            Ok(Route::Mapped(Box::new(match wanted {
+                ContactForm::Full => Form::Full(FullContact::new(body, own)?),
+                _ => Form::Condensed(CondensedContact::new(body, own)?),
             })))
         });
         Ok(Self {
             made,
-            route: route.map_err(|e| match e {
-                SetupError::Body(e) => raised(e),
-                SetupError::Contact(e) => raised(e),
-            })?,
+            route: route.map_err(raised)?,
             origin: Origin::Mesh {
                 body: body.clone().unbind(),
                 rows: Arc::new(rows),
@@ -487,24 +475,6 @@ impl ContactProblem {
             counted(self.num_contacts(), "contact node"),
             counted(self.num_vars(), "variable")
         )
-    }
-}
-
-/// An error in the construction of a problem.
-enum SetupError {
-    Body(fem::FemError),
-    Contact(ContactError),
-}
-
-impl From<fem::FemError> for SetupError {
-    fn from(error: fem::FemError) -> Self {
-        Self::Body(error)
-    }
-}
-
-impl From<ContactError> for SetupError {
-    fn from(error: ContactError) -> Self {
-        Self::Contact(error)
     }
 }
 

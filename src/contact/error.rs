@@ -1,5 +1,6 @@
 use thiserror::Error;
 
+use crate::Cause;
 use crate::interface::{InterfaceError, LENGTH};
 use crate::linear::LinearError;
 use crate::newton::{Failure, NewtonError};
@@ -158,6 +159,12 @@ pub enum ContactError {
         expected: usize,
         /// Rank of the pairing with the displacements.
         rank: usize,
+    },
+    /// The body could not be made.
+    #[error("the body: {source}")]
+    Body {
+        /// Why.
+        source: Cause,
     },
     /// Traces that are not those of single nodes along orthonormal directions, which contact in the displacements alone requires.
     #[error(

@@ -16,6 +16,7 @@ mod exact;
 mod exported;
 #[cfg(feature = "json")]
 mod folder;
+mod forms;
 mod law;
 mod multipliers;
 mod per_node;
@@ -42,6 +43,7 @@ pub use error::ContactError;
 pub use evolution::{Arrival, EvolutionOptions, EvolutionProgress, EvolutionStep, evolve, evolve_observed};
 #[cfg(feature = "json")]
 pub use folder::{DiscreteFolder, read_folder};
+pub use forms::{ContactEquilibrium, ContactForm, ContactProblem};
 pub use law::{
     Bonded, Cohesive, ContactState, FrictionCoefficient, FrictionCurve, Frictionless, GivenBound,
     LimitedShear, LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, MultiplierCoulomb, NodeLaw,

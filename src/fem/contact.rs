@@ -111,17 +111,14 @@ pub struct ContactRows {
     pub areas: Vec<f64>,
     /// Bν, p × n.
     pub normal: Matrix,
-    /// Bt, p × n; in space along t₁.
-    pub tangential: Matrix,
-    /// In space, the tangential trace along t₂.
-    pub tangential2: Option<Matrix>,
+    /// Bt, p × n each: one in the plane; in space two, along t₁ and along t₂.
+    pub tangential: Vec<Matrix>,
     /// Nodes and directions in which the rows leave out displacements that are prescribed as 0.
     pub(super) resting: Vec<(usize, [f64; 3])>,
 }
 
 impl ContactRows {
     pub(super) fn empty() -> Self {
-        let nothing = || Matrix::identity(0);
         Self {
             nodes: Vec::new(),
             points: Vec::new(),
@@ -130,9 +127,8 @@ impl ContactRows {
             tangents: Vec::new(),
             held: Vec::new(),
             areas: Vec::new(),
-            normal: nothing(),
-            tangential: nothing(),
-            tangential2: None,
+            normal: Matrix::identity(0),
+            tangential: Vec::new(),
             resting: Vec::new(),
         }
     }
@@ -144,9 +140,27 @@ impl ContactRows {
         entries: &[Vec<(usize, usize, f64)>; 3],
     ) -> Result<(), FemError> {
         let matrix = |k: usize| Matrix::from_triplets(self.nodes.len(), system.num_free(), &entries[k]);
-        let tangential2 = (system.mesh().dim() == 3).then(|| matrix(2)).transpose()?;
-        (self.normal, self.tangential, self.tangential2) = (matrix(0)?, matrix(1)?, tangential2);
+        self.normal = matrix(0)?;
+        self.tangential = (1..system.mesh().dim()).map(matrix).collect::<Result<_, _>>()?;
         Ok(())
+    }
+
+    /// Whether each contact node is one node of the mesh with its own displacements, as it is on foundations unless multipliers are those of
+    /// patches. Between two bodies it is not.
+    #[must_use]
+    pub fn is_nodal(&self, system: &ElasticSystem) -> bool {
+        let dim = system.mesh().dim();
+        let mut node_of = vec![usize::MAX; system.num_free()];
+        for (node, component) in (0..system.mesh().num_nodes()).flat_map(|n| (0..dim).map(move |d| (n, d))) {
+            if let Some(unknown) = system.dof(node, component) {
+                node_of[unknown] = node;
+            }
+        }
+        let mut rows = std::iter::once(&self.normal).chain(&self.tangential);
+        rows.all(|m| {
+            m.triplets()
+                .all(|(row, column, v)| v == 0.0 || node_of.get(column) == self.nodes.get(row))
+        })
     }
 
     /// Number of contact nodes with a held tangent.

@@ -114,7 +114,7 @@ impl Elasticity {
     /// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3)?).floating().assemble()?;
     /// let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
     /// let load = LoadPath::affine(system.body_force(|_| [0.0, -0.01, 0.0])?, system.body_force(|_| [0.01, 0.0, 0.0])?);
-    /// let body = ContactBody::new(system.stiffness().clone(), rows.normal, vec![rows.tangential], load)?;
+    /// let body = ContactBody::new(system.stiffness().clone(), rows.normal, rows.tangential, load)?;
     /// let problem = FullContact::new(body, PlanarCoulomb::new(FrictionCoefficient::constant(0.5)?))?;
     /// let x = problem.solve(0.4, None)?;
     /// let [normal, tangential, _] = problem.solution(&x)?.resultant();

@@ -32,7 +32,7 @@
 //! | all branches | [`diagram`](crate::diagram) | `ss.diagram(H, starts, ...)` |
 //! | all solutions | [`all_solutions`](crate::all_solutions) | `ss.all_solutions(H)` |
 //! | derivatives of a solution in parameters | [`Solution::sensitivity`](crate::Solution::sensitivity) | `ss.solve_mcp(..., params=p)`, `ss.sensitivity(F, x, p)` |
-//! | contact from a mesh | [`contact_body`](crate::contact_body) and a form of [`contact`](crate::contact) | `ss.ContactProblem(...)` |
+//! | contact from a mesh | [`contact_problem`](crate::contact_problem) | `ss.ContactProblem(...)` |
 //!
 //! ```
 //! use semismooth::continuation::{ContinuationOptions, Direction};

@@ -155,7 +155,7 @@ fn block() -> (
         .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
         .unwrap();
     let load = LoadPath::constant(vec![0.0; system.num_free()]);
-    let tangential = vec![rows.tangential.clone()];
+    let tangential = rows.tangential.clone();
     let body = ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, load).unwrap();
     let law = PlanarCoulomb::new(FrictionCoefficient::constant(0.4).unwrap());
     (CondensedContact::new(body, law).unwrap(), system, rows)

@@ -227,7 +227,7 @@ fn slip_of_levels_is_refused() {
         .unwrap();
     let load = LoadPath::constant(vec![0.0; system.num_free()]);
     let stiffness = system.nodal_stiffness().unwrap();
-    let body = ReducedBody::new(stiffness, &rows.normal, &[rows.tangential], load).unwrap();
+    let body = ReducedBody::new(stiffness, &rows.normal, &rows.tangential, load).unwrap();
     let law = Forgetful(Frictionless::plane());
     let mut problem = ReducedContact::new(body, law, ReducedOptions::default()).unwrap();
     let refused = problem.evolve(None, &[0.5, 1.0], |_| ControlFlow::Continue(()));
@@ -248,7 +248,7 @@ fn solid(n: usize, friction: [f64; 2]) -> CondensedContact<OrthotropicCoulomb> {
     let rows = system
         .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]))
         .unwrap();
-    let tangential = vec![rows.tangential, rows.tangential2.unwrap()];
+    let tangential = rows.tangential;
     let body = ContactBody::new(system.stiffness().clone(), rows.normal, tangential, load)
         .unwrap()
         .with_gap(rows.gap)

@@ -74,7 +74,7 @@ fn close(a: &[f64], b: &[f64], tolerance: f64) {
 #[test]
 fn a_superelement_equals_the_whole_mesh() {
     let (system, rows, loads) = whole();
-    let touched = rows.normal.triplets().chain(rows.tangential.triplets());
+    let touched = rows.normal.triplets().chain(rows.tangential[0].triplets());
     let kept: Vec<usize> = touched
         .map(|t| t.1)
         .collect::<BTreeSet<_>>()
@@ -85,14 +85,14 @@ fn a_superelement_equals_the_whole_mesh() {
     let body = ContactBody::new(
         system.stiffness().clone(),
         rows.normal.clone(),
-        vec![rows.tangential.clone()],
+        rows.tangential.clone(),
         path(loads.clone()),
     );
     // Entries of the condensed matrix are symmetric up to rounding of 64-bit numbers: nothing is to be told.
     let (element, note) = ContactBody::exported(
         small,
         columns(&rows.normal, &kept),
-        vec![columns(&rows.tangential, &kept)],
+        vec![columns(&rows.tangential[0], &kept)],
         path(forces),
     )
     .unwrap();
@@ -141,7 +141,7 @@ fn rounding_of_files_is_told() {
         let entries: Vec<_> = a.triplets().map(|(i, j, v)| (i, j, v * factor(i, j))).collect();
         let a = Matrix::from_triplets(a.nrows(), a.ncols(), &entries).unwrap();
         let path = LoadPath::affine(loads[0].clone(), loads[1].clone());
-        ContactBody::exported(a, rows.normal.clone(), vec![rows.tangential.clone()], path).unwrap()
+        ContactBody::exported(a, rows.normal.clone(), rows.tangential.clone(), path).unwrap()
     };
     let (exact, none) = exported(0.0);
     assert_eq!(none, None);

@@ -30,7 +30,7 @@ fn on_table<L: NodeLaw>(mesh: Mesh, pull: [f64; 3], law: L) -> FullContact<L> {
         .unwrap();
     let weight = system.body_force(|_| up.map(|u| -WEIGHT * u)).unwrap();
     let load = LoadPath::affine(weight, system.body_force(|_| pull).unwrap());
-    let tangential = std::iter::once(rows.tangential).chain(rows.tangential2).collect();
+    let tangential = rows.tangential;
     let body = ContactBody::new(system.stiffness().clone(), rows.normal, tangential, load).unwrap();
     FullContact::new(body, law).unwrap()
 }
@@ -127,7 +127,7 @@ fn stacks_stand_by_friction() {
         .body_force(|x| [if x[1] > 1.0 { WEIGHT } else { 0.0 }, 0.0, 0.0])
         .unwrap();
     let normal = stacked(&ground.normal, &between.normal);
-    let tangential = stacked(&ground.tangential, &between.tangential);
+    let tangential = stacked(&ground.tangential[0], &between.tangential[0]);
     let load = LoadPath::affine(weight, pull);
     let body = ContactBody::new(system.stiffness().clone(), normal, vec![tangential], load).unwrap();
     let p = ground.nodes.len();

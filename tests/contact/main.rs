@@ -18,6 +18,7 @@ mod exported;
 mod fem_families;
 mod floating;
 mod folders;
+mod forms;
 mod friction_laws;
 mod friction_properties;
 mod hild_renard;

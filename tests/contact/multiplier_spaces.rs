@@ -45,8 +45,7 @@ fn solve<L: NodeLaw>(
         .unwrap();
     let pull = system.traction("right", |_| [0.01, 0.0, 0.0]).unwrap();
     load.iter_mut().zip(&pull).for_each(|(l, p)| *l += p);
-    let mut tangential = vec![rows.tangential.clone()];
-    tangential.extend(rows.tangential2.clone());
+    let tangential = rows.tangential.clone();
     let body = ContactBody::new(
         system.stiffness().clone(),
         rows.normal.clone(),
@@ -153,7 +152,7 @@ fn means_of_affine_displacements() {
                 }
             }
             let mut v = vec![0.0; rows.nodes.len()];
-            rows.tangential.mul_vec(&u, &mut v);
+            rows.tangential[0].mul_vec(&u, &mut v);
             for (v, (x, t)) in v.iter().zip(rows.points.iter().zip(&rows.tangents)) {
                 let along = (0..dim)
                     .map(|d| t[0][d] * [0.1 + 0.3 * x[0], 0.2, 0.4 - 0.2 * x[0]][d])
@@ -219,7 +218,7 @@ fn invisible_multipliers_are_refused() {
     let body = ContactBody::new(
         system.stiffness().clone(),
         doubled(&rows.normal),
-        vec![doubled(&rows.tangential)],
+        vec![doubled(&rows.tangential[0])],
         LoadPath::constant(vec![0.0; system.num_free()]),
     );
     assert_eq!(

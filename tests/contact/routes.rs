@@ -42,8 +42,7 @@ fn random_body(dim: usize, forces: &[f64]) -> (ContactBody, ContactRows, LoadPat
     let gap = (0..rows.nodes.len())
         .map(|i| 2e-3 * forces[i % forces.len()].abs())
         .collect();
-    let mut tangential = vec![rows.tangential.clone()];
-    tangential.extend(rows.tangential2.clone());
+    let tangential = rows.tangential.clone();
     let load = LoadPath::affine(load, rate);
     let body = ContactBody::new(
         system.stiffness().clone(),
@@ -195,7 +194,7 @@ proptest! {
         let solution = routes(&body, &PlanarCoulomb::new(constant(f)));
         // The planar problem with F by the parameter, both forms.
         let problem = FullContact::planar(
-            body.stiffness().clone(), rows.normal, rows.tangential, load, FrictionCoefficient::nodal(vec![f; solution.nodes.len()]).unwrap(),
+            body.stiffness().clone(), rows.normal, rows.tangential[0].clone(), load, FrictionCoefficient::nodal(vec![f; solution.nodes.len()]).unwrap(),
         ).unwrap().with_gap(solution.nodes.iter().enumerate().map(|(i, _)| 2e-3 * forces[i % forces.len()].abs()).collect()).unwrap();
         let x = problem.solve(0.7, None).unwrap();
         agree(&solution, &problem.solution(&x).unwrap(), 1e-10);

@@ -62,8 +62,8 @@ impl Parts {
             let (left, right) = (side("left", -1.0), side("right", -1.3));
             left.iter().zip(&right).map(|(a, b)| a + b).collect()
         };
-        let mut traces = vec![rows.normal, rows.tangential];
-        traces.extend(rows.tangential2);
+        let mut traces = vec![rows.normal];
+        traces.extend(rows.tangential);
         Self {
             a: system.stiffness().clone(),
             traces,
@@ -491,7 +491,7 @@ fn planar_problems_choose_their_own_r() {
         let friction = FrictionCoefficient::nodal(vec![0.5; contact.nodes.len()]).unwrap();
         let load = LoadPath::between(press, &end);
         let a = system.stiffness().clone();
-        FullContact::planar(a, contact.normal, contact.tangential, load, friction).unwrap()
+        FullContact::planar(a, contact.normal, contact.tangential[0].clone(), load, friction).unwrap()
     };
     let transitions = |force: f64, length: f64| {
         let map = problem([8, 4], force, length).condensed().unwrap();

@@ -29,7 +29,7 @@ fn sheared_block(n: usize) -> (Mesh, ElasticSystem, ContactBody) {
     let shear = system.motion("top", 0, |_| 0.03).unwrap();
     let load = LoadPath::affine(system.supports(), shear);
     let a = system.stiffness().clone();
-    let body = ContactBody::new(a, rows.normal, vec![rows.tangential], load).unwrap();
+    let body = ContactBody::new(a, rows.normal, rows.tangential, load).unwrap();
     (mesh, system, body.with_gap(rows.gap).unwrap())
 }
 
@@ -121,7 +121,7 @@ fn reactions_in_space_balance_the_contact_forces() {
     let rows = system
         .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]))
         .unwrap();
-    let tangential = vec![rows.tangential, rows.tangential2.unwrap()];
+    let tangential = rows.tangential;
     let load = LoadPath::constant(system.supports());
     let body = ContactBody::new(system.stiffness().clone(), rows.normal, tangential, load).unwrap();
     let law = OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.4).unwrap());

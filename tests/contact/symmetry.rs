@@ -69,16 +69,8 @@ fn rows(system: &ElasticSystem) -> (ContactRows, LoadPath) {
     (rows, LoadPath::affine(system.supports(), widen))
 }
 
-fn tangents(rows: &ContactRows) -> Vec<semismooth::sparse::Matrix> {
-    std::iter::once(rows.tangential.clone())
-        .chain(rows.tangential2.clone())
-        .collect()
-}
-
 fn contact_body((rows, load): &(ContactRows, LoadPath), system: &ElasticSystem) -> ContactBody {
-    let a = system.stiffness().clone();
-    let body = ContactBody::new(a, rows.normal.clone(), tangents(rows), load.clone()).unwrap();
-    body.with_gap(rows.gap.clone()).unwrap()
+    semismooth::contact_body(system, rows, load.clone()).unwrap()
 }
 
 /// Forces of a part against those of the whole body: shared by the parts that meet at a node.
@@ -135,7 +127,7 @@ fn same_as_whole<L: NodeLaw + Clone>(dim: usize, n: usize, law: impl Fn(usize) -
     let reduced = ReducedBody::new(
         system.nodal_stiffness().unwrap(),
         &own.0.normal,
-        &tangents(&own.0),
+        &own.0.tangential,
         own.1.clone(),
     );
     let reduced = reduced.unwrap().with_gap(own.0.gap.clone()).unwrap();

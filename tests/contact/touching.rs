@@ -18,8 +18,7 @@ fn block<L: NodeLaw>(mesh: Mesh, law: L) -> CondensedContact<L> {
     let rows = system
         .contact("bottom", &Foundation::plane([0.0; 3], up))
         .unwrap();
-    let mut tangential = vec![rows.tangential];
-    tangential.extend(rows.tangential2);
+    let tangential = rows.tangential;
     let load = LoadPath::affine(vec![0.0; push.len()], push);
     let body = ContactBody::new(system.stiffness().clone(), rows.normal, tangential, load).unwrap();
     CondensedContact::new(body.with_gap(rows.gap).unwrap(), law).unwrap()

@@ -153,7 +153,7 @@ fn a_long_mesh_with_a_tiny_cell() {
             .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
             .unwrap();
         let load = LoadPath::affine(traction([pull, -0.01]), traction([0.01, 0.005]));
-        let tangential = vec![rows.tangential];
+        let tangential = rows.tangential;
         let body = ContactBody::new(system.stiffness().clone(), rows.normal, tangential, load).unwrap();
         let law = coefficient(vec![4.0; rows.gap.len()]);
         let condensed = CondensedContact::new(body.clone(), law.clone()).unwrap();

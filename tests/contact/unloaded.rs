@@ -43,8 +43,7 @@ impl Block {
             .system
             .contact("bottom", &Foundation::plane([0.0; 3], up))
             .unwrap();
-        let mut tangential = vec![rows.tangential];
-        tangential.extend(rows.tangential2);
+        let tangential = rows.tangential;
         let stiffness = self.system.nodal_stiffness().unwrap();
         let reduced = ReducedBody::new(stiffness, &rows.normal, &tangential, load.clone()).unwrap();
         let reduced = reduced.with_gap(rows.gap).unwrap();
@@ -206,7 +205,7 @@ fn an_unloaded_solid_is_moved_to_and_fro() {
         .system
         .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]))
         .unwrap();
-    let tangential = [rows.tangential, rows.tangential2.unwrap()];
+    let tangential = rows.tangential;
     let load = LoadPath::affine(block.unloaded(), motion);
     let stiffness = block.system.nodal_stiffness().unwrap();
     let body = ReducedBody::new(stiffness, &rows.normal, &tangential, load).unwrap();

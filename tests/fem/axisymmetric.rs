@@ -268,7 +268,7 @@ fn frictionless(
     let body = ContactBody::new(
         system.stiffness().clone(),
         rows.normal.clone(),
-        vec![rows.tangential.clone()],
+        rows.tangential.clone(),
         path,
     )
     .and_then(|body| body.with_gap(rows.gap.clone()))

@@ -72,13 +72,7 @@ fn uniform_pressure_is_exact() {
     assert_eq!((rows.nodes.len(), rows.num_held()), (5, 1));
     assert!((rows.areas.iter().sum::<f64>() - 2.0).abs() < 1e-14);
     let load = LoadPath::constant(system.supports().clone());
-    let body = ContactBody::new(
-        system.stiffness().clone(),
-        rows.normal,
-        vec![rows.tangential],
-        load,
-    )
-    .unwrap();
+    let body = ContactBody::new(system.stiffness().clone(), rows.normal, rows.tangential, load).unwrap();
     let law = PlanarCoulomb::new(FrictionCoefficient::constant(0.0).unwrap());
     let problem = CondensedContact::new(body, law).unwrap();
     let x = problem.solve(0.0, None).unwrap();

@@ -46,16 +46,7 @@ pub(crate) fn loads(system: &ElasticSystem) -> LoadPath {
 
 pub(crate) fn reduced_body(system: &ElasticSystem, foundation: &Foundation) -> ReducedBody {
     let rows = system.contact("bottom", foundation).unwrap();
-    let tangential: Vec<_> = std::iter::once(rows.tangential).chain(rows.tangential2).collect();
-    ReducedBody::new(
-        system.nodal_stiffness().unwrap(),
-        &rows.normal,
-        &tangential,
-        loads(system),
-    )
-    .unwrap()
-    .with_gap(rows.gap)
-    .unwrap()
+    semismooth::reduced_body(system, &rows, loads(system)).unwrap()
 }
 
 /// Solves in both forms at two loads, the second from the first; forces must agree to 1e-8 of the largest.
@@ -371,7 +362,7 @@ fn a_body_at_rest_is_in_equilibrium() {
     let rows = system.contact("bottom", &ground(2)).unwrap();
     let load = LoadPath::constant(vec![0.0; system.num_free()]);
     let stiffness = system.nodal_stiffness().unwrap();
-    let body = ReducedBody::new(stiffness, &rows.normal, &[rows.tangential], load).unwrap();
+    let body = ReducedBody::new(stiffness, &rows.normal, &rows.tangential, load).unwrap();
     let law = PlanarCoulomb::new(constant(0.3));
     let problem = ReducedContact::new(body, law, ReducedOptions::default()).unwrap();
     let solution = problem.solution(0.0, &vec![0.0; system.num_free()]).unwrap();

@@ -65,7 +65,7 @@ fn what_nothing_holds_is_refused() {
         let n = stiffness.num_unknowns();
         let wide =
             |t: &Matrix| Matrix::from_triplets(t.nrows(), n, &t.triplets().collect::<Vec<_>>()).unwrap();
-        let tangential = [wide(&rows.tangential), wide(rows.tangential2.as_ref().unwrap())];
+        let tangential: Vec<_> = rows.tangential.iter().map(wide).collect();
         let load = LoadPath::constant(vec![0.0; n]);
         let body = ReducedBody::new(stiffness, &wide(&rows.normal), &tangential, load).unwrap();
         let law = || OrthotropicCoulomb::isotropic(constant(0.3));
@@ -177,7 +177,7 @@ fn loads_that_nothing_balances_are_reported() {
     let layer = Elasticity::new(mesh, Material::isotropic(1.0, 0.277).unwrap()).fix("left");
     let floating = pieces(&system, &layer.assemble().unwrap(), &[1.0], 0.0);
     let rows = system.contact("bottom", &ground(3)).unwrap();
-    let tangential = [rows.tangential, rows.tangential2.unwrap()];
+    let tangential = rows.tangential;
     let (place, points) = places(&system);
     let solve = |traction: [f64; 3], friction: f64| {
         // A load that does no work in rotations: the same force on each node.
@@ -220,7 +220,7 @@ fn the_full_form_takes_pieces_that_contact_alone_holds() {
     let layer = Elasticity::new(mesh, Material::isotropic(1.0, 0.277).unwrap()).fix("left");
     let floating = pieces(&system, &layer.assemble().unwrap(), &[1.0], 0.0);
     let rows = system.contact("bottom", &ground(3)).unwrap();
-    let tangential = [rows.tangential, rows.tangential2.unwrap()];
+    let tangential = rows.tangential;
     let press = system.traction("top", |_| [0.0, 0.0, -0.01]).unwrap();
     let pull = system.traction("top", |_| [0.002, 0.0, 0.0]).unwrap();
     let sum = |v: &[f64]| v.iter().sum::<f64>();

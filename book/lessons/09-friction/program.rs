@@ -1,5 +1,5 @@
 use semismooth::contact::{
-    CondensedContact, ContactBody, FrictionCoefficient, LoadPath, PlanarCoulomb,
+    CondensedContact, FrictionCoefficient, LoadPath, PlanarCoulomb,
 };
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, PointKind};
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
@@ -18,13 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let ground =
         system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
     let nodes = ground.nodes.clone();
-    let body = ContactBody::new(
-        system.stiffness().clone(),
-        ground.normal,
-        vec![ground.tangential],
-        load,
-    )?
-    .with_gap(ground.gap)?;
+    let body = semismooth::contact_body(&system, &ground, load)?;
     let map = CondensedContact::new(
         body,
         PlanarCoulomb::new(FrictionCoefficient::constant(0.4)?),

@@ -17,13 +17,7 @@ fn block() -> Outcome<(ElasticSystem, ContactBody)> {
         LoadPath::affine(system.supports(), system.motion("top", 0, |_| 0.05)?);
     let ground =
         system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
-    let body = ContactBody::new(
-        system.stiffness().clone(),
-        ground.normal,
-        vec![ground.tangential],
-        load,
-    )?
-    .with_gap(ground.gap)?;
+    let body = semismooth::contact_body(&system, &ground, load)?;
     Ok((system, body))
 }
 

@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use semismooth::contact::{
-    CondensedContact, ContactBody, EvolutionOptions, FrictionCoefficient,
+    CondensedContact, EvolutionOptions, FrictionCoefficient,
     FrictionCurve, LoadPath, PlanarCoulomb, evolve,
 };
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
@@ -20,13 +20,7 @@ fn block(
         LoadPath::affine(system.supports(), system.motion("top", 0, |_| 0.02)?);
     let ground =
         system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
-    let body = ContactBody::new(
-        system.stiffness().clone(),
-        ground.normal,
-        vec![ground.tangential],
-        load,
-    )?
-    .with_gap(ground.gap)?;
+    let body = semismooth::contact_body(&system, &ground, load)?;
     Ok(CondensedContact::new(body, PlanarCoulomb::new(friction))?)
 }
 

@@ -1,5 +1,5 @@
 use semismooth::contact::{
-    ContactState, FrictionCoefficient, LoadPath, OrthotropicCoulomb, ReducedBody,
+    ContactState, FrictionCoefficient, LoadPath, OrthotropicCoulomb,
     ReducedContact, ReducedOptions,
 };
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
@@ -20,16 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let ground = system
             .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]))?;
         let points = ground.points.clone();
-        let tangential: Vec<_> = std::iter::once(ground.tangential)
-            .chain(ground.tangential2)
-            .collect();
-        let body = ReducedBody::new(
-            system.nodal_stiffness()?,
-            &ground.normal,
-            &tangential,
-            LoadPath::constant(load),
-        )?
-        .with_gap(ground.gap)?;
+        let body = semismooth::reduced_body(&system, &ground, LoadPath::constant(load))?;
         let law =
             OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.5)?);
         let mut problem =

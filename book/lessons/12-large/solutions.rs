@@ -1,6 +1,6 @@
 use semismooth::contact::{
     CondensedContact, FrictionCoefficient, LoadPath, OrthotropicCoulomb,
-    ReducedBody, ReducedContact, ReducedOptions,
+    ReducedContact, ReducedOptions,
 };
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
 
@@ -13,17 +13,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let push = system.traction("right", |_| [0.02, 0.0, 0.0])?;
     let ground =
         system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]))?;
-    let tangential: Vec<_> = std::iter::once(ground.tangential)
-        .chain(ground.tangential2)
-        .collect();
     let load = LoadPath::affine(press, push); // pressed at α = 0, pushed as well at α = 1
-    let body = ReducedBody::new(
-        system.nodal_stiffness()?,
-        &ground.normal,
-        &tangential,
-        load,
-    )?
-    .with_gap(ground.gap)?;
+    let body = semismooth::reduced_body(&system, &ground, load)?;
     let law = OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.3)?);
 
     println!("1.");

@@ -82,15 +82,10 @@ fn block(friction: f64) -> CondensedContact<PlanarCoulomb> {
     let rows = system
         .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
         .unwrap();
-    let body = ContactBody::new(
-        system.stiffness().clone(),
-        rows.normal,
-        vec![rows.tangential],
-        load,
-    )
-    .unwrap()
-    .with_gap(rows.gap)
-    .unwrap();
+    let body = ContactBody::new(system.stiffness().clone(), rows.normal, rows.tangential, load)
+        .unwrap()
+        .with_gap(rows.gap)
+        .unwrap();
     let law = PlanarCoulomb::new(FrictionCoefficient::constant(friction).unwrap());
     CondensedContact::new(body, law).unwrap()
 }

@@ -17,7 +17,7 @@ fn write_block(folder: &Path) {
         .unwrap();
     write_matrix_market(folder.join("A.mtx"), system.stiffness()).unwrap();
     write_matrix_market(folder.join("Bnu.mtx"), &rows.normal).unwrap();
-    write_matrix_market(folder.join("Bt.mtx"), &rows.tangential).unwrap();
+    write_matrix_market(folder.join("Bt.mtx"), &rows.tangential[0]).unwrap();
     let motion = system.motion("top", 0, |_| 0.05).unwrap();
     for (name, forces) in [
         ("f0.txt", system.supports().forces()),

@@ -9,7 +9,7 @@ use std::error::Error as StdError;
 use std::process::ExitCode;
 
 use semismooth::contact::{
-    CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, Frictionless, LoadPath, NodeLaw,
+    CondensedContact, FrictionCoefficient, FrictionCurve, Frictionless, LoadPath, NodeLaw,
     OrthotropicCoulomb, PlanarCoulomb, ReducedOptions,
 };
 use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh};
@@ -197,14 +197,7 @@ impl Case<'_> {
         let system = discretize(mesh)?;
         let [press, pull] = loads(&system)?;
         let rows = self.contact(&system)?;
-        let tangential = [Some(rows.tangential), rows.tangential2];
-        let body = ContactBody::new(
-            system.stiffness().clone(),
-            rows.normal,
-            tangential.into_iter().flatten().collect(),
-            LoadPath::affine(press, pull),
-        )?
-        .with_gap(rows.gap)?;
+        let body = semismooth::contact_body(&system, &rows, LoadPath::affine(press, pull))?;
         Ok(Whole {
             at: rows
                 .points

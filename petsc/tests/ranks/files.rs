@@ -160,10 +160,8 @@ type Position = [u64; 3];
 pub fn compare(name: &str, ranks: usize, output: &str) {
     let mesh = read_gmsh(folder().join("body.msh")).expect("a mesh");
     let (system, load, rows) = discretize(mesh.clone()).expect("a body");
-    let tangential = [Some(rows.tangential), rows.tangential2];
-    let tangential = tangential.into_iter().flatten().collect();
     let load = LoadPath::constant(load);
-    let body = ContactBody::new(system.stiffness().clone(), rows.normal, tangential, load);
+    let body = ContactBody::new(system.stiffness().clone(), rows.normal, rows.tangential, load);
     let body = body.and_then(|b| b.with_gap(rows.gap)).expect("a body");
     let problem = CondensedContact::new(body, law()).expect("a problem");
     let x = problem.solve(0.0, None).expect("a solution");

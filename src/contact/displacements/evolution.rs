@@ -61,7 +61,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     ///
     /// ```
     /// use std::ops::ControlFlow;
-    /// use semismooth::contact::{FrictionCoefficient, LoadPath, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions};
+    /// use semismooth::contact::{FrictionCoefficient, LoadPath, PlanarCoulomb, ReducedContact, ReducedOptions};
     /// use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
     /// let mesh = Mesh::rectangle([0.0; 2], [2.0, 1.0], [16, 8])?;
     /// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.277)?).fix("left").discretize()?;
@@ -70,7 +70,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     ///     system.traction("right", |_| [0.01, 0.0, 0.0])?,
     /// );
     /// let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
-    /// let body = ReducedBody::new(system.nodal_stiffness()?, &rows.normal, &[rows.tangential], load)?.with_gap(rows.gap)?;
+    /// let body = semismooth::reduced_body(&system, &rows, load)?;
     /// let law = PlanarCoulomb::new(FrictionCoefficient::constant(0.3)?);
     /// let mut problem = ReducedContact::new(body, law, ReducedOptions::default())?;
     /// let levels = problem.evolve(None, &[0.0, 0.5, 1.0], |_| ControlFlow::Continue(()))?;

@@ -47,7 +47,7 @@ const THINNER: usize = 10;
 ///
 /// ```
 /// use semismooth::contact::{
-///     FrictionCoefficient, LoadPath, OrthotropicCoulomb, ReducedBody, ReducedContact, ReducedOptions,
+///     FrictionCoefficient, LoadPath, OrthotropicCoulomb, ReducedContact, ReducedOptions,
 /// };
 /// use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
 /// // A block on the ground, fixed at the left, pressed and pulled.
@@ -56,9 +56,8 @@ const THINNER: usize = 10;
 /// let press = system.traction("top", |_| [0.0, 0.0, -0.01])?;
 /// let pull = system.traction("right", |_| [0.01, 0.0, 0.002])?;
 /// let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]))?;
-/// let tangential: Vec<_> = std::iter::once(rows.tangential).chain(rows.tangential2).collect();
 /// let load = LoadPath::affine(press, pull);
-/// let body = ReducedBody::new(system.nodal_stiffness()?, &rows.normal, &tangential, load)?.with_gap(rows.gap)?;
+/// let body = semismooth::reduced_body(&system, &rows, load)?;
 /// let law = OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.3)?);
 /// let mut problem = ReducedContact::new(body, law, ReducedOptions::default())?;
 /// let found = problem.solve(1.0, None)?;

@@ -61,8 +61,8 @@ impl Body {
             1 => (0..p).map(|_| 0.2 * size * rng.unit()).collect(),
             _ => (0..p).map(|_| 0.5 * size * rng.normal()).collect(),
         };
-        let mut traces = vec![rows.normal, rows.tangential];
-        traces.extend(rows.tangential2);
+        let mut traces = vec![rows.normal];
+        traces.extend(rows.tangential);
         Self::new(system.stiffness().clone(), traces, load, gap, 3.0 * size)
     }
 

@@ -2,12 +2,11 @@
 
 use std::error::Error;
 
-use semismooth::contact::{CondensedContact, ContactBody, ReducedBody, ReducedContact, ReducedOptions};
+use semismooth::contact::{CondensedContact, ContactForm, ReducedContact, ReducedOptions};
 use semismooth::fem::{
     ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, Mortar, PlaneModel, read_gmsh,
 };
 use semismooth::interface::{LoadCase, LoadPath};
-use semismooth::sparse::Matrix;
 use toml::Spanned;
 
 use super::input::{BlockInput, Component, Input, MeshInput, Plane, Route, RunInput};
@@ -15,15 +14,9 @@ use super::law::Law;
 use crate::commands::error::CommandError;
 use crate::commands::run_file;
 
-/// Number of displacements above which multigrid is used: in solids where it becomes faster than one factorisation, in the plane, where
-/// factors are sparser, where the factor no longer fits into memory.
-const SOLID: usize = 6_000;
-const PLANE: usize = 3_000_000;
-
 /// The data of a body in contact other than its stiffness and its law.
 pub(super) struct Traces {
     rows: ContactRows,
-    tangential: Vec<Matrix>,
     load: LoadPath,
 }
 
@@ -232,17 +225,14 @@ impl RunFile {
         motion: Option<LoadCase>,
     ) -> Result<Traces, CommandError> {
         let place = &self.input.contact;
-        let mut rows = self.rows(system)?;
+        let rows = self.rows(system)?;
         if let Some(motion) = &motion {
             rows.check_supports(system, motion)
                 .map_err(|e| self.wrong(place, "contact", e))?;
         }
-        let mut tangential = vec![rows.tangential.clone()];
-        tangential.extend(rows.tangential2.take());
         Ok(Traces {
             load: self.load(system, motion)?,
             rows,
-            tangential,
         })
     }
 
@@ -254,9 +244,7 @@ impl RunFile {
         law: Law,
     ) -> Result<(CondensedContact<Law>, ContactRows), CommandError> {
         let (place, rows) = (&self.input.contact, traces.rows);
-        let (tangential, load) = (traces.tangential, traces.load);
-        let body = ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, load)
-            .and_then(|body| body.with_gap(rows.gap.clone()))
+        let body = semismooth::contact_body(system, &rows, traces.load)
             .map_err(|e| self.wrong(place, "contact", e))?;
         let body = self.layered(body, &rows.areas)?;
         let problem =
@@ -272,11 +260,7 @@ impl RunFile {
         law: Law,
     ) -> Result<(ReducedContact<Law>, ContactRows), CommandError> {
         let (place, rows) = (&self.input.contact, traces.rows);
-        let stiffness = system
-            .nodal_stiffness()
-            .map_err(|e| CommandError::failed("the body", e))?;
-        let body = ReducedBody::new(stiffness, &rows.normal, &traces.tangential, traces.load)
-            .and_then(|body| body.with_gap(rows.gap.clone()))
+        let body = semismooth::reduced_body(system, &rows, traces.load)
             .map_err(|e| self.wrong(place, "contact", e))?;
         let problem = ReducedContact::new(body, law, ReducedOptions::default())
             .map_err(|e| CommandError::failed("the body in contact", e))?;
@@ -288,12 +272,9 @@ impl RunFile {
         let place = &self.input.run;
         let contact = self.input.contact.get_ref();
         let condensed = contact.against.is_some() || contact.stiffness.is_some();
-        let most = match system.mesh().dim() {
-            2 => PLANE,
-            _ => SOLID,
-        };
+        let suited = ContactForm::Auto.suited(system.mesh().dim(), system.num_free(), !condensed);
         match (place.get_ref().route, plan) {
-            (Route::Auto, Plan::History(levels)) if system.num_free() > most && !condensed => {
+            (Route::Auto, Plan::History(levels)) if suited == ContactForm::Displacements => {
                 Ok(Plan::Levels(levels))
             }
             (Route::Reduced, Plan::History(_)) if contact.stiffness.is_some() => {
