@@ -3,6 +3,27 @@ const formulaTab = (() => {
   const fieldOf = [element('equation-0'), element('equation-1')];
   let current = null;
 
+  // Names in the equations that are neither functions nor variables are constants, each with a slider.
+  const known = ['max', 'min', 'abs', 'sqrt', 'exp', 'ln', 'sin', 'cos', 'tan', 'atan', 'sinh', 'cosh', 'tanh', 'pi', 'x', 'y', 'a'];
+  const named = (equations) => [...new Set(equations.flatMap((e) => [...e.matchAll(/(?<![\w.])[A-Za-z_]\w*(?!\w|\s*\()/g)].map((m) => m[0])))]
+    .filter((name) => !known.includes(name));
+  let sliders = [];
+  let shownNames = '';
+  const constants = () => {
+    const names = named(state.formula.equations);
+    const before = state.formula.constants;
+    state.formula.constants = Object.fromEntries(names.map((name) => [name, before[name] ?? 1]));
+    if (names.join() !== shownNames) {
+      shownNames = names.join();
+      sliders = names.map((name) => slider({
+        id: `constant-${name}`, label: name, name: `constant ${name}`, lower: () => -10, upper: () => 10, step: () => 0.05,
+        get: () => state.formula.constants[name] ?? 1, set: (v) => { state.formula.constants[name] = clamp(v, -1e9, 1e9); },
+      }));
+      element('constants').replaceChildren(...(names.length ? [group('Constants', sliders)] : []));
+    }
+    sliders.forEach((one) => one.show());
+  };
+
   const at = slider({
     id: 'a', label: 'a', name: 'parameter a', lower: () => state.formula.range[0], upper: () => state.formula.range[1],
     step: () => Number(((state.formula.range[1] - state.formula.range[0]) / 100).toPrecision(1)),
@@ -14,10 +35,12 @@ const formulaTab = (() => {
   const controls = () => {
     const s = state.formula;
     at.show();
+    constants();
     fieldOf.forEach((field, k) => { if (document.activeElement !== field) field.value = s.equations[k]; });
     if (document.activeElement !== element('reach')) element('reach').value = s.reach;
     showRange();
-    const example = examples.formula.findIndex(([, e]) => same(data(e), data(s)));
+    const example = exampleOf('formula');
+    element('formula-told').textContent = toldOf('formula');
     element('formula-example').value = example < 0 ? '' : String(example);
     const unknowns = s.equations[1].trim() === '' ? 1 : 2;
     if (unknowns === 1) s.quantity = 0;
@@ -73,10 +96,11 @@ const formulaTab = (() => {
     const s = copyOf(state.formula);
     // The curves are not recomputed while a moves.
     const { equations, range, reach } = s;
-    const key = JSON.stringify([equations, range, reach]);
-    const known = current?.key === key;
-    const answer = computations.ask({ ask: 'formula', formula: { equations, range, reach, at: s.at, diagram: !known } });
+    const key = JSON.stringify([equations, s.constants, range, reach]);
+    const unchanged = current?.key === key;
+    const answer = computations.ask({ ask: 'formula', formula: { equations, constants: s.constants, range, reach, at: s.at, diagram: !unchanged } });
     mistake(answer.error);
+    element('program').textContent = answer.error ? '' : programs[element('language').value](s, answer.ok.solutions.solutions);
     if (answer.error) { clear(); return; }
     const { unknowns, solutions } = answer.ok;
     const diagram = answer.ok.diagram ?? current.diagram;
@@ -101,6 +125,38 @@ const formulaTab = (() => {
     ]), ...smooth]);
   };
 
+  // The problem as a program or a file that gives the same curves.
+  const pairs = (s, pair) => Object.entries(s.constants).map(([name, value]) => pair(name, value));
+  const inPython = (text) => text.replaceAll('^', '**').replace(/\b(sqrt|exp|sin|cos|tan|sinh|cosh|tanh|pi)\b/g, 'np.$1').replace(/\bln\b/g, 'np.log').replace(/\batan\b/g, 'np.arctan');
+  const given = (s) => s.equations.filter((e) => e.trim() !== '');
+  const zero = (text) => { const [left, right] = text.split('='); return right === undefined ? left.trim() : `${left.trim()} - (${right.trim()})`; };
+  const unknownsOf = (s) => ['x', 'y'].slice(0, given(s).length);
+  const programs = {
+    python: (s, solutions) => ['import numpy as np', 'import semismooth as ss', '', ...pairs(s, (name, value) => `${name} = ${value}`), '', 'def H(v):',
+      `    ${unknownsOf(s).join(', ')}, a = v`, `    return [${given(s).map((e) => inPython(zero(e))).join(', ')}]`, '',
+      `starts = [${solutions.map((one) => `[${one.x.join(', ')}]`).join(', ')}]  # the solutions at a = ${s.at}`,
+      `curves = ss.diagram(H, starts, (${s.range.join(', ')}))`, 'print(curves)', ''].join('\n'),
+    rust: (s, solutions) => ['use semismooth::continuation::{ContinuationOptions, Diagram, DiagramOptions};', 'use semismooth::piecewise::{Formula, Traced};', '',
+      'fn main() -> Result<(), Box<dyn std::error::Error>> {', `    let equations = [${given(s).map((e) => JSON.stringify(e)).join(', ')}];`,
+      `    let constants: [(&str, f64); ${Object.keys(s.constants).length}] = [${pairs(s, (name, value) => `("${name}", ${value}_f64)`).join(', ')}];`,
+      `    let map = Traced::new(Formula::read_with(&equations, &[${[...unknownsOf(s), 'a'].map((v) => `"${v}"`).join(', ')}], &constants)?);`,
+      `    let range = ContinuationOptions::default().with_parameter_range((${s.range.map((v) => `${v}_f64`).join(', ')}));`,
+      `    let starts: [[f64; ${unknownsOf(s).length + 1}]; ${solutions.length}] = [${solutions.map((one) => `[${one.x.map((v) => `${v}_f64`).join(', ')}]`).join(', ')}]; // the solutions at a = ${s.at}`,
+      '    let curves = Diagram::explore(&map, &starts, &DiagramOptions::default().with_continuation(range))?;', '    println!("{curves}");', '    Ok(())', '}', ''].join('\n'),
+    toml: (s, solutions) => ['# semismooth diagram THIS_FILE', '[problem]', `unknowns = ${JSON.stringify(unknownsOf(s))}`, 'parameter = "a"', `equations = ${JSON.stringify(given(s))}`,
+      ...(Object.keys(s.constants).length ? [`constants = { ${pairs(s, (name, value) => `${name} = ${Number.isInteger(value) ? value.toFixed(1) : value}`).join(', ')} }`] : []), '', '[run]',
+      `range = [${s.range.map((v) => (Number.isInteger(v) ? v.toFixed(1) : v)).join(', ')}]`,
+      `starts = [${solutions.map((one) => `[${one.x.map((v) => (Number.isInteger(v) ? v.toFixed(1) : v)).join(', ')}]`).join(', ')}] # the solutions at a = ${s.at}`, ''].join('\n'),
+  };
+  element('language').addEventListener('change', redraw);
+  element('copy').addEventListener('click', () => {
+    const text = element('program').textContent;
+    const done = () => { element('copied').textContent = 'Copied.'; };
+    // Without permission for the clipboard the text is marked, to be copied by hand.
+    const marked = () => { getSelection().selectAllChildren(element('program')); element('copied').textContent = 'Marked: copy it with the keyboard.'; };
+    (navigator.clipboard ? navigator.clipboard.writeText(text).then(done, marked) : marked());
+  });
+
   const showRange = intervalFields(element('a-lower'), element('a-upper'), () => state.formula);
   fieldOf.forEach((field, k) => field.addEventListener('input', () => { state.formula.equations[k] = field.value; changed(); }));
   element('reach').addEventListener('input', (event) => { const v = Number(event.target.value); if (v >= 1e-3 && v <= 1e6) { state.formula.reach = v; changed(); } });
@@ -111,5 +167,5 @@ const formulaTab = (() => {
     changed();
   });
   element('save-formula').addEventListener('click', () => current && download('solutions.svg', picture(palettes.light, 720).text));
-  return { redraw, current: () => current };
+  return { redraw, current: () => current, program: () => element('program').textContent };
 })();

@@ -64,7 +64,8 @@ const frictionTab = (() => {
     }
     shownSliders.forEach((one) => one.show());
     const s2 = state[state.tab];
-    const example = examples[state.tab].findIndex(([, e]) => same(data(e), data(s2)));
+    const example = exampleOf(state.tab);
+    element('told').textContent = toldOf(state.tab);
     element('example').value = example < 0 ? '' : String(example);
     element('mode').value = s2.mode;
     element('quantity').value = s2.quantity;

@@ -11,6 +11,7 @@ const redraw = () => {
   if (!ready) return;
   const [begun, before] = [performance.now(), computations.spent()];
   (state.tab === 'formula' ? formulaTab : frictionTab).redraw();
+  tasks.look();
   drawn.count += 1;
   drawn.milliseconds = performance.now() - begun;
   drawn.computed = computations.spent() - before;

@@ -1,5 +1,7 @@
 //! Equations of the user: one or two of them in x, y and the parameter a.
 
+use std::collections::BTreeMap;
+
 use semismooth::continuation::{Diagram, SearchOptions, search_solutions};
 use semismooth::enumeration::{EnumerationError, EnumerationOptions};
 use semismooth::piecewise::{self, PiecewiseSmooth, Selection, Traced};
@@ -9,6 +11,8 @@ use crate::drawing::{Drawing, Words};
 use crate::error::{Error, interval, within};
 use crate::friction::{Solutions, listed, options, sections};
 
+/// Largest number of named constants.
+const MOST_CONSTANTS: usize = 12;
 /// Largest number of kinks in all equations together.
 const MOST_SITES: usize = 10;
 
@@ -17,6 +21,9 @@ const MOST_SITES: usize = 10;
 #[serde(deny_unknown_fields)]
 pub(crate) struct Formula {
     equations: Vec<String>,
+    /// Names that stand for numbers in the equations.
+    #[serde(default)]
+    constants: BTreeMap<String, f64>,
     range: [f64; 2],
     at: f64,
     reach: f64,
@@ -164,7 +171,17 @@ impl Formula {
             1 => &["x", "a"],
             _ => &["x", "y", "a"],
         };
-        let map = Traced::new(piecewise::Formula::read(&given, variables)?);
+        within(
+            "the number of constants",
+            self.constants.len() as f64,
+            (0.0, MOST_CONSTANTS as f64),
+            "at most 12",
+        )?;
+        for (name, value) in &self.constants {
+            within(name, *value, (-1e9, 1e9), "between -1e9 and 1e9")?;
+        }
+        let constants: Vec<(&str, f64)> = self.constants.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+        let map = Traced::new(piecewise::Formula::read_with(&given, variables, &constants)?);
         let name = |site, piece| map.piece_name(site, piece).into_owned();
         let pieces = Pieces(
             (0..map.num_sites())

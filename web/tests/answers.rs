@@ -353,6 +353,27 @@ fn affine_formulas_are_listed_with_a_proof() {
 }
 
 #[test]
+fn constants_stand_for_numbers() {
+    let with = |constants: Value| {
+        let mut question = formula(&["k*max(x, gap) = a", ""], 2.0);
+        question["formula"]["constants"] = constants;
+        question
+    };
+    let found = ask(&with(json!({"k": 4.0, "gap": 0.25, "unused": 1.0})));
+    assert_eq!(numbers(&found["solutions"]["solutions"][0]["x"]), [0.5, 2.0]);
+    // Where a name is missing, it is named.
+    assert!(
+        refused(&with(json!({"k": 4.0})))["message"]
+            .as_str()
+            .unwrap()
+            .contains("gap")
+    );
+    let many: serde_json::Map<_, _> = (0..13).map(|k| (format!("c{k}"), json!(1.0))).collect();
+    refused(&with(Value::Object(many)));
+    refused(&with(json!({"k": 1e300, "gap": 0.0})));
+}
+
+#[test]
 fn formulas_within_each_other_are_read_as_they_are_meant() {
     // Precedence, right-associative powers, signs before powers, several arguments: (equation, its solution at a = 2).
     for (text, x) in [

@@ -297,7 +297,7 @@ class Page(unittest.TestCase):
         self.browser.run("document.querySelector('#load-0').focus()")
         self.browser.key("ArrowRight")
         self.browser.settle()
-        self.assertAlmostEqual(self.browser.run("state.one.load[0]"), 1.55)
+        self.assertAlmostEqual(self.browser.run("state.one.load[0]"), 1.05)
         self.assertEqual(self.browser.run("document.activeElement.id"), "load-0")
         self.browser.run("document.querySelector('#branches svg').focus()")
         seen = set()
@@ -344,7 +344,7 @@ class Page(unittest.TestCase):
         # Malformed entries leave the state unchanged.
         self.browser.run("location.hash = '#tab=one&load=1,x&lambda=&range=5&mode=sideways'")
         self.browser.wait("state.tab === 'one' && !document.querySelector('#panel-friction').hidden")
-        self.assertEqual(self.browser.run("[state.one.load, state.one.lambda, state.one.range, state.one.mode]"), [[1.5, 7], 1, [-0.5, 10], "F"])
+        self.assertEqual(self.browser.run("[state.one.load, state.one.lambda, state.one.range, state.one.mode]"), [[1, -2], 1, [-0.5, 10], "F"])
 
     def test_pictures_are_files_of_their_own(self):
         folder = tempfile.mkdtemp()
@@ -381,6 +381,62 @@ class Page(unittest.TestCase):
         self.browser.settle()
         self.assertEqual(self.browser.run("document.querySelector('#mistake-1').textContent"), "")
         self.assertEqual(self.browser.run(shown), [1, False])
+
+    def test_the_first_picture_is_explained(self):
+        self.load()
+        self.assertEqual(self.browser.run("document.querySelector('#example').selectedOptions[0].textContent"), "Example 3: a bifurcating branch")
+        self.assertIn("meet in one point", self.browser.run("document.querySelector('#told').textContent"))
+        # Data of one's own are not those of the example.
+        self.browser.run("(() => { state.one.load[0] = 1.3; changed(); })()")
+        self.browser.settle()
+        self.assertEqual(self.browser.run("document.querySelector('#told').textContent"), "")
+
+    def test_constants_have_sliders(self):
+        self.load("#tab=formula")
+        count = "formulaTab.current().solutions.solutions.length"
+        self.assertEqual(self.browser.run(count), 3)
+        # k = 0.5: 1 − k > 0, and the spring does not give way.
+        self.browser.run("(() => { const e = document.querySelector('#constant-k-exact'); e.value = '0.5'; e.dispatchEvent(new Event('input')); })()")
+        self.browser.settle()
+        self.assertEqual(self.browser.run(f"[{count}, formulaTab.current().diagram.folds.length]"), [1, 0])
+        self.browser.wait("location.hash.includes('k%3A0.5')")
+        # Another name is another slider, in the address as well.
+        self.browser.run("(() => { const e = document.querySelector('#equation-0'); e.value = 'stiffness*x - max(x, 0) = a'; e.dispatchEvent(new Event('input')); })()")
+        self.browser.settle()
+        self.assertEqual(self.browser.run("[...document.querySelectorAll('#constants input[type=range]')].map((e) => e.id)"), ["constant-stiffness"])
+        self.browser.run("location.hash = '#' + new URLSearchParams({ tab: 'formula', equations: 'c*x = a\\n', constants: 'c:4', range: '-1,3', at: '2' })")
+        self.browser.wait("state.formula.constants.c === 4 && formulaTab.current()?.solutions.solutions[0]?.x[0] === 0.5")
+
+    def test_problems_are_programs(self):
+        self.load("#tab=formula")
+        text = lambda language: self.browser.run(
+            f"(() => {{ const e = document.querySelector('#language'); e.value = '{language}'; e.dispatchEvent(new Event('change')); return formulaTab.program(); }})()"
+        )
+        python = text("python")
+        self.assertIn("k = 1.25\n", python)
+        self.assertIn("    x, a = v\n    return [x - k*max(x - 1, 0) + 10*max(x - 3, 0) - (a)]\n", python)
+        compile(python, "program.py", "exec")
+        self.assertIn('read_with(&equations, &["x", "a"], &constants)', text("rust"))
+        self.assertIn('equations = ["x - k*max(x - 1, 0) + 10*max(x - 3, 0) = a"]\nconstants = { k = 1.25 }\n', text("toml"))
+        # Powers and functions in the words of Python.
+        self.browser.run("(() => { state.formula.equations = ['x^2 - exp(-x)*ln(a + 3)*pi', '']; changed(); })()")
+        self.browser.settle()
+        self.assertIn("return [x**2 - np.exp(-x)*np.log(a + 3)*np.pi]", text("python"))
+
+    def test_tasks_are_checked(self):
+        self.load()
+        answers = [
+            "state.formula.constants.k = 0.8", "state.formula.at = 1", "state.formula.equations[0] = '2*x - 3*max(x - 1, 0) + 3*min(x + 1, 0) - 2*a = 0'",
+            "state.one.load[0] = 0.92", "state.one.load = [-3, 0]",
+        ]
+        for k, answer in enumerate(answers):
+            self.browser.run(f"(() => {{ const e = document.querySelector('#task'); e.value = '{k}'; e.dispatchEvent(new Event('change')); document.querySelector('#task-start').click(); }})()")
+            self.browser.settle()
+            self.assertEqual(self.browser.run("document.querySelector('#task-state').textContent"), "Not yet.", answer)
+            self.browser.run(f"(() => {{ {answer}; changed(); }})()")
+            self.browser.settle()
+            self.assertEqual(self.browser.run("document.querySelector('#task-state').textContent"), "Done.", answer)
+        self.assertEqual(self.browser.run("document.querySelector('#tasks-done').textContent"), "(5 done)")
 
     def test_the_button_says_which_theme_it_turns_on(self):
         self.load("#tab=formula")

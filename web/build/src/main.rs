@@ -10,7 +10,7 @@ use flate2::write::GzEncoder;
 
 const TARGET: &str = "wasm32-unknown-unknown";
 /// In the order of their dependencies.
-const SCRIPTS: [&str; 7] = [
+const SCRIPTS: [&str; 8] = [
     "border.js",
     "drawing.js",
     "state.js",
@@ -18,6 +18,7 @@ const SCRIPTS: [&str; 7] = [
     "friction.js",
     "formula.js",
     "main.js",
+    "tasks.js",
 ];
 /// Largest size of the page in bytes.
 const LIMIT: usize = 2_000_000;
