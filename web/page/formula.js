@@ -127,12 +127,14 @@ const formulaTab = (() => {
 
   // The problem as a program or a file that gives the same curves.
   const pairs = (s, pair) => Object.entries(s.constants).map(([name, value]) => pair(name, value));
-  const inPython = (text) => text.replaceAll('^', '**').replace(/\b(sqrt|exp|sin|cos|tan|sinh|cosh|tanh|pi)\b/g, 'np.$1').replace(/\bln\b/g, 'np.log').replace(/\batan\b/g, 'np.arctan');
+  // Words that mean something else in the program below.
+  const taken = /\b(and|as|assert|async|await|break|class|continue|def|del|elif|else|except|finally|for|from|global|if|import|in|is|lambda|nonlocal|not|or|pass|raise|return|try|while|with|yield|None|True|False|np|ss|v|H|starts|curves)\b/g;
+  const inPython = (text) => text.replace(taken, '$1_').replaceAll('^', '**').replace(/\b(sqrt|exp|sin|cos|tan|sinh|cosh|tanh|pi)\b/g, 'np.$1').replace(/\bln\b/g, 'np.log').replace(/\batan\b/g, 'np.arctan');
   const given = (s) => s.equations.filter((e) => e.trim() !== '');
   const zero = (text) => { const [left, right] = text.split('='); return right === undefined ? left.trim() : `${left.trim()} - (${right.trim()})`; };
   const unknownsOf = (s) => ['x', 'y'].slice(0, given(s).length);
   const programs = {
-    python: (s, solutions) => ['import numpy as np', 'import semismooth as ss', '', ...pairs(s, (name, value) => `${name} = ${value}`), '', 'def H(v):',
+    python: (s, solutions) => ['import numpy as np', 'import semismooth as ss', '', ...pairs(s, (name, value) => `${inPython(name)} = ${value}`), '', 'def H(v):',
       `    ${unknownsOf(s).join(', ')}, a = v`, `    return [${given(s).map((e) => inPython(zero(e))).join(', ')}]`, '',
       `starts = [${solutions.map((one) => `[${one.x.join(', ')}]`).join(', ')}]  # the solutions at a = ${s.at}`,
       `curves = ss.diagram(H, starts, (${s.range.join(', ')}))`, 'print(curves)', ''].join('\n'),

@@ -418,6 +418,11 @@ class Page(unittest.TestCase):
         compile(python, "program.py", "exec")
         self.assertIn('read_with(&equations, &["x", "a"], &constants)', text("rust"))
         self.assertIn('equations = ["x - k*max(x - 1, 0) + 10*max(x - 3, 0) = a"]\nconstants = { k = 1.25 }\n', text("toml"))
+        # Names that Python does not allow.
+        self.browser.run("(() => { state.formula.equations = ['x = lambda*a', '']; changed(); })()")
+        self.browser.settle()
+        self.assertIn("lambda_ = 1\n", text("python"))
+        compile(text("python"), "program.py", "exec")
         # Powers and functions in the words of Python.
         self.browser.run("(() => { state.formula.equations = ['x^2 - exp(-x)*ln(a + 3)*pi', '']; changed(); })()")
         self.browser.settle()
@@ -426,7 +431,7 @@ class Page(unittest.TestCase):
     def test_tasks_are_checked(self):
         self.load()
         answers = [
-            "state.formula.constants.k = 0.8", "state.formula.at = 1", "state.formula.equations[0] = '2*x - 3*max(x - 1, 0) + 3*min(x + 1, 0) - 2*a = 0'",
+            "state.formula.constants.k = 0.8", "state.formula.at = 1", "state.formula.equations[0] = '2*x - 3*max(x - 1, 0) - 3*min(x + 1, 0) - 2*a = 0'",
             "state.one.load[0] = 0.92", "state.one.load = [-3, 0]",
         ]
         for k, answer in enumerate(answers):
