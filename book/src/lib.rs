@@ -4,6 +4,7 @@
 mod compare;
 pub mod formulas;
 pub mod record;
+mod shown;
 
 /// A result whose error is a message.
 pub type Outcome<T> = Result<T, Box<dyn std::error::Error>>;

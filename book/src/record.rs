@@ -7,6 +7,7 @@ use std::process::Command;
 
 use crate::Outcome;
 use crate::compare::difference;
+use crate::shown;
 
 /// What is to be run.
 pub struct Task {
@@ -118,7 +119,17 @@ fn one(task: &Task, folder: &Path, lesson: &str, tally: &mut Tally) -> Outcome<(
             fs::write(out.join(name), text)?;
         }
     }
-    let text = fs::read_to_string(folder.join("lesson.md"))?;
+    let path = folder.join("lesson.md");
+    let mut text = fs::read_to_string(&path)?;
+    let fresh = shown::refreshed(&text, folder)
+        .map_err(|e| format!("{lesson}/lesson.md: {e}"))?;
+    if task.writes && fresh != text {
+        fs::write(&path, &fresh)?;
+        text.clone_from(&fresh);
+    }
+    if let Some(what) = difference("lesson.md", &text, &fresh) {
+        tally.wrong.push(format!("{lesson}/lesson.md: {what}"));
+    }
     let wrong = judge(&out, &outputs, &left_out, &text)?;
     tally
         .wrong
@@ -257,7 +268,7 @@ fn judge(
         if !text.contains(&format!("out/{name}")) {
             wrong.push(format!("out/{name}: the lesson does not show it"));
         }
-        if program != name && !text.contains(&format!("{{{{#include {program}")) {
+        if program != name && !text.contains(&shown::mark(program)) {
             wrong.push(format!("{program}: the lesson does not show it"));
         }
     }
