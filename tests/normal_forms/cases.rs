@@ -131,6 +131,27 @@ fn the_second_fold_is_found() {
     }
 }
 
+/// y⁴ − c y² = α has folds at 0 and at y = ±√(c/2): within one step, or two of them within the step that begins at the other.
+#[test]
+fn all_of_three_folds_are_found() {
+    for k in 0..16 {
+        let c = 0.001 * 1.3_f64.powi(k);
+        let map = curve!(c, 2, |p, x, k, out| {
+            let square = x[0] * x[0];
+            out[0] = square * (square - p) - x[1];
+        });
+        let start = [0.9, 0.81 * (0.81 - c)];
+        for share in [1.0, 0.05] {
+            let found = folds(&map, &start, false, options(1.0, (-1.0, 1.0), share)).expect("a branch");
+            let mut places: Vec<f64> = found.iter().map(|x| x[0]).collect();
+            places.sort_by(f64::total_cmp);
+            let exact = [-(0.5 * c).sqrt(), 0.0, (0.5 * c).sqrt()];
+            let same = places.len() == 3 && places.iter().zip(exact).all(|(p, q)| (p - q).abs() < 1e-9);
+            assert!(same, "c = {c} at {share} of the default step: {places:?}");
+        }
+    }
+}
+
 /// Zeros of functions on a curve, by number of the function and α.
 fn crossings(map: &dyn PiecewiseSmooth, start: &[f64], functions: &[fn(&[f64]) -> f64]) -> Vec<(usize, f64)> {
     let limits = options(1.0, (0.0, 3.0), 1.0);

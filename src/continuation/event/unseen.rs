@@ -1,6 +1,6 @@
 //! What a step may have passed twice, so that both of its ends are on the same side: the least value of a monitor between them decides.
 
-use super::watch::{Monitor, Unresolved};
+use super::watch::{Monitor, Unresolved, VERTICAL};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
@@ -49,23 +49,29 @@ impl Curve<'_> {
         Ok(Ok(cut))
     }
 
-    /// A point between two samples at which the monitor is negative, if there is one. The monitor is taken to be convex in between: where its
-    /// tangents meet above zero there is none.
+    /// A point between two samples at which the monitor is negative, if there is one. Between samples it is taken to be convex, where their
+    /// rates allow it, and else to be the cubic with their values and rates: where neither falls below zero there is none.
     fn least(
         &mut self,
         monitor: Monitor,
-        [mut a, mut b]: [Sample; 2],
+        ends: [Sample; 2],
     ) -> Result<Result<Option<State>, Unresolved>, ContinuationError> {
         let high = self.next.clone();
         let mut state = high.clone();
         let width = self.width(&high.x, high.s);
+        // Each with whether it is to be halved: brackets would else shrink from one side only.
+        let mut brackets = vec![(ends, false)];
         for _ in 0..LIMIT {
+            let Some(([a, b], halve)) = brackets.pop() else {
+                return Ok(Ok(None));
+            };
             let length = b.s - a.s;
             if !may_fall_below_zero(&a, &b) || length <= width {
-                return Ok(Ok(None));
+                continue;
             }
             let place = dip([a.value, b.value], [a.rate * length, b.rate * length]);
-            let s = a.s + length * place.map_or(0.5, |p| p.0);
+            let place = place.filter(|_| !halve).map_or(0.5, |p| p.0);
+            let s = a.s + length * place;
             let s = if s > a.s && s < b.s { s } else { a.s + 0.5 * length };
             if !self.state_at(s, &high, &mut state)? {
                 return Ok(Err(Unresolved::Event));
@@ -76,24 +82,8 @@ impl Curve<'_> {
             if sample.value < 0.0 {
                 return Ok(Ok(Some(state)));
             }
-            // Brackets that shrink from one side only are halved.
-            let before = length;
-            if sample.rate < 0.0 {
-                a = sample
-            } else {
-                b = sample
-            }
-            if b.s - a.s > 0.5 * before {
-                let middle = 0.5 * (a.s + b.s);
-                if !self.state_at(middle, &high, &mut state)? {
-                    return Ok(Err(Unresolved::Event));
-                }
-                match self.sample(monitor, &state, middle)? {
-                    Some(sample) if sample.value < 0.0 => return Ok(Ok(Some(state))),
-                    Some(sample) if sample.rate < 0.0 => a = sample,
-                    Some(sample) => b = sample,
-                    None => return Ok(Ok(None)),
-                }
+            for part in [[sample, b], [a, sample]] {
+                brackets.push((part, part[1].s - part[0].s > 0.5 * length));
             }
         }
         Ok(Ok(None))
@@ -123,7 +113,8 @@ impl Curve<'_> {
                 let Some(second) = self.acceleration(state)? else {
                     return Ok(None);
                 };
-                (sign * state.t.last().copied().unwrap_or(0.0), sign * second)
+                let rate = state.t.last().copied().filter(|rate| rate.abs() > VERTICAL);
+                (sign * rate.unwrap_or(0.0), sign * second)
             }
         };
         let rate = rate / speed;
@@ -153,10 +144,13 @@ impl Curve<'_> {
         let heading = self.here.heading.unwrap_or(0);
         // Across a singular point the curve may be another one.
         let regular = self.here.orientation.is_some() && self.here.orientation == self.next.orientation;
-        if heading == 0 || self.next.heading != Some(heading) || !regular {
+        let last = self.here.x.len() - 1;
+        // A fold beyond which the step goes on is located first.
+        let turned = self.next.heading != Some(heading) && self.next.t[last].abs() > VERTICAL;
+        if heading == 0 || turned || !regular {
             return Ok(());
         }
-        let (sign, last) = (f64::from(heading), self.here.x.len() - 1);
+        let sign = f64::from(heading);
         let step = self.next.s;
         let [d0, d1] = [self.here.t[last], self.next.t[last] / self.stretch()].map(|d| (sign * d).max(0.0));
         let mean = sign * (self.next.x[last] - self.here.x[last]) / step;
@@ -208,7 +202,7 @@ impl Curve<'_> {
                     sample(step, &self.next.theta, d1[k] / stretch),
                 ];
                 // A step may begin on the facet, to rounding.
-                let inside = ends[0].value >= reach * ends[0].rate && ends[1].value > 0.0;
+                let inside = ends[0].value >= -reach * ends[0].rate.abs() && ends[1].value > 0.0;
                 if inside && may_fall_below_zero(&ends[0], &ends[1]) {
                     all.push((Monitor::Facet { index: k, facet }, ends));
                 }
@@ -238,33 +232,40 @@ impl Curve<'_> {
     }
 }
 
-/// Whether a convex function with these values and rates may be negative in between: its tangents meet below zero.
+/// Exponent, d f′/f at the distance d from a zero, of a function that falls towards the zero: halfway between 2, where it only touches
+/// zero there, and 3, above which it is at any distance where two more zeros lie beside the first.
+const EXPONENT: f64 = 2.5;
+
+/// Whether a function with these values and rates may be negative in between: a convex one where its tangents meet below zero; where the
+/// rates are not those of a convex dip, the cubic; and one that rises from a zero at one end as if there were more of them.
 fn may_fall_below_zero(a: &Sample, b: &Sample) -> bool {
-    if !(a.rate < 0.0 && b.rate > 0.0) {
-        return false;
-    }
     let length = b.s - a.s;
+    let hidden = |zero: &Sample, other: &Sample, fall: f64| {
+        zero.value == 0.0 && other.value > 0.0 && fall * length > EXPONENT * other.value
+    };
+    if hidden(b, a, -a.rate) || hidden(a, b, b.rate) {
+        return true;
+    }
+    if !(a.rate < 0.0 && b.rate > 0.0) {
+        let cubic = dip([a.value, b.value], [a.rate * length, b.rate * length]);
+        return cubic.is_some_and(|(_, value)| value < 0.0);
+    }
     let place = (b.value - a.value - b.rate * length) / (a.rate - b.rate);
     a.value + a.rate * place.clamp(0.0, length) < 0.0
 }
 
-/// Place and value of the minimum on [0, 1] of the cubic with the given values and slopes at the ends, if both decrease towards the interior.
+/// Place and value of the minimum inside [0, 1] of the cubic with the given values and slopes at the ends.
 pub(super) fn dip(g: [f64; 2], d: [f64; 2]) -> Option<(f64, f64)> {
-    if !(d[0] < 0.0 && d[1] > 0.0) {
-        return None;
-    }
     let a = 2.0 * g[0] - 2.0 * g[1] + d[0] + d[1];
     let b = -3.0 * g[0] + 3.0 * g[1] - 2.0 * d[0] - d[1];
-    let value = |u: f64| ((a * u + b) * u + d[0]) * u + g[0];
-    let (qa, qb, qc) = (3.0 * a, 2.0 * b, d[0]);
-    let root = (qb * qb - 4.0 * qa * qc).max(0.0).sqrt();
-    let q = -0.5 * (qb + if qb < 0.0 { -root } else { root });
-    let candidates = [q / qa, qc / q];
-    candidates
-        .into_iter()
-        .filter(|u| *u > 0.0 && *u < 1.0)
-        .map(|u| (u, value(u)))
-        .min_by(|a, b| a.1.total_cmp(&b.1))
+    // The zero of 3 a u² + 2 b u + d₀ at which it grows, in the form without cancellation.
+    let root = (b * b - 3.0 * a * d[0]).sqrt();
+    let u = if b > 0.0 {
+        -d[0] / (b + root)
+    } else {
+        (root - b) / (3.0 * a)
+    };
+    (u > 0.0 && u < 1.0).then(|| (u, ((a * u + b) * u + d[0]) * u + g[0]))
 }
 
 #[cfg(test)]
@@ -294,6 +295,11 @@ mod tests {
             );
         }
         assert_eq!(dip([1.0, 1.0], [-4.0, 4.0]), Some((0.5, 0.0)));
-        assert!(dip([1.0, 1.0], [4.0, 4.0]).is_none() && dip([1.0, 1.0], [-4.0, -4.0]).is_none());
+        assert!(dip([1.0, 1.0], [4.0, -4.0]).is_none() && dip([0.0, 1.0], [1.0, 1.0]).is_none());
+        // u (u − ½) (u − 1) has its least value at ½ + √3/6, its mirror image at ½ − √3/6.
+        let [up, down] = [0.5, -0.5].map(|d| dip([0.0, 0.0], [d, d]).unwrap());
+        let off = 3.0_f64.sqrt() / 6.0;
+        assert!((up.0 - 0.5 - off).abs() < 1e-15 && (down.0 - 0.5 + off).abs() < 1e-15);
+        assert!((up.1 + 2.0 * off.powi(3)).abs() < 1e-16 && (up.1 - down.1).abs() < 1e-16);
     }
 }
