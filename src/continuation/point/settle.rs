@@ -277,7 +277,6 @@ fn repeated(found: &[Found], probes: &[Probe], measure: &Measure) -> Option<Vec<
             });
             let clear = others
                 .map(|k| apart(k, i).min(apart(k, j)))
-                .filter(|d| *d > 0.0)
                 .fold(f64::INFINITY, f64::min);
             if a.selection != b.selection
                 && shared
@@ -296,4 +295,111 @@ fn repeated(found: &[Found], probes: &[Probe], measure: &Measure) -> Option<Vec<
         .enumerate()
         .all(|(k, &i)| kept[..k].iter().all(|&j| resolved(i, j)));
     all.then_some(gone)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Found, Measure, Probe, repeated};
+    use crate::continuation::Arm;
+    use crate::continuation::testing::{Function, Plane};
+    use crate::piecewise::Selection;
+
+    fn found(piece: usize, tangent: [f64; 2], grazing: &[usize]) -> Found {
+        let selection = Selection::uniform(1, piece);
+        Found {
+            arm: Arm::along(selection, tangent.to_vec(), grazing.to_vec(), None),
+            facets: grazing.to_vec(),
+            arc: None,
+            units: Vec::new(),
+            unit: 1.0,
+        }
+    }
+
+    /// Which of arms with these points are repeated; errors of points are 1e-3.
+    fn gone(arms: &[(usize, [f64; 2], &[usize], [f64; 2])]) -> Option<Vec<bool>> {
+        let list: Vec<Found> = arms.iter().map(|a| found(a.0, a.1, a.2)).collect();
+        let probe = |point: [f64; 2]| Probe {
+            point: point.to_vec(),
+            error: 1e-3,
+        };
+        let probes: Vec<Probe> = arms.iter().map(|a| probe(a.3)).collect();
+        repeated(&list, &probes, &Measure(vec![1.0, 1.0]))
+    }
+
+    /// Arms of two pieces are one where both run in the facet between them, their points are nearer to each other than half the distance
+    /// to others, and their tangents are; that of fewer facets stays. Points within their errors of each other are not told apart.
+    #[test]
+    fn arms_in_a_facet_are_found_once() {
+        const UP: [f64; 2] = [0.0, 1.0];
+        let (site, none): (&[usize], &[usize]) = (&[0], &[]);
+        let here = [0.0, 1.0];
+        assert_eq!(
+            gone(&[(0, UP, site, here), (1, UP, site, here)]),
+            Some(vec![false, true])
+        );
+        assert_eq!(gone(&[(0, UP, none, here), (1, UP, site, here)]), None);
+        assert_eq!(gone(&[(0, UP, site, here), (0, UP, site, here)]), None);
+        let two: &[usize] = &[0, 0];
+        assert_eq!(
+            gone(&[(0, UP, two, here), (1, UP, site, here)]),
+            Some(vec![true, false])
+        );
+        for (apart, one) in [(0.49, true), (0.51, false)] {
+            let other = (1, UP, none, [0.0, 2.0]);
+            let arms = [(0, UP, site, here), (1, UP, site, [0.0, 1.0 - apart]), other];
+            assert_eq!(gone(&arms), Some(vec![false, one, false]), "{apart}");
+        }
+        for (tangent, one) in [([0.8, 0.6], true), ([0.9, 0.43], false)] {
+            let arms = [(0, UP, site, here), (1, tangent, site, [0.0, 1.1])];
+            assert_eq!(gone(&arms), Some(vec![false, one]), "{tangent:?}");
+        }
+        for (apart, resolved) in [(3.9e-3, false), (4.1e-3, true)] {
+            let arms = [(0, UP, none, here), (0, UP, none, [apart, 1.0])];
+            assert_eq!(gone(&arms).is_some(), resolved);
+        }
+    }
+
+    /// Whether a point is found on the arm along a tangent from a point of a curve.
+    fn is_found(map: &Plane, x: [f64; 2], arm: &Found, radius: f64) -> bool {
+        let mut run = map.curve(x[0], x[1]);
+        let curve = run.curve.erased_mut();
+        let vanishing = curve.vanishing_here(&[]);
+        let measure = Measure(vec![1.0, 1.0]);
+        curve
+            .search(&vanishing)
+            .probe(arm, &measure, radius)
+            .unwrap()
+            .is_some()
+    }
+
+    /// The corrected point is off its expansion by at most a quarter of its distance, moves α as the arm does, and lies in the cell, but for
+    /// facets in which the arm runs.
+    #[test]
+    fn points_along_arms_confirm_them() {
+        let up = found(0, [0.0, 1.0], &[]);
+        for (line, on_it) in [
+            ((|y, a| [y - 0.24 * a, 1.0, -0.24]) as Function, true),
+            (|y, a| [y - 0.26 * a, 1.0, -0.26], false),
+        ] {
+            assert_eq!(is_found(&Plane::smooth(line), [0.0, 0.0], &up, 1e-3), on_it);
+        }
+        let line: Function = |y, _| [y, 1.0, 0.0];
+        let mut contrary = up.clone();
+        contrary.arm.direction = -1;
+        assert!(!is_found(&Plane::smooth(line), [0.0, 0.0], &contrary, 1e-3));
+        let half = Plane::within(line, &[|_, a| [a, 0.0, 1.0]]);
+        let (down, along) = (found(0, [0.0, -1.0], &[]), found(0, [0.0, -1.0], &[0]));
+        let found = [&up, &down, &along].map(|arm| is_found(&half, [0.0, 0.0], arm, 1e-3));
+        assert_eq!(found, [true, false, true]);
+    }
+
+    /// At 2³⁰ rounding of a difference is 2⁻²², times the factor of safety 4e-6: farther away points are found, nearer ones are not.
+    #[test]
+    fn points_within_rounding_are_not_found() {
+        let far = Plane::smooth(|y, a| [y - a, 1.0, -1.0]);
+        let along = found(0, [0.5_f64.sqrt(); 2], &[]);
+        let at = 2.0_f64.powi(30);
+        let found = [1e-3, 1e-4, 4e-6, 1e-7].map(|radius| is_found(&far, [at, at], &along, radius));
+        assert_eq!(found, [true, true, false, false]);
+    }
 }
