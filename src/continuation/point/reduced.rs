@@ -524,3 +524,75 @@ fn minus(a: &[f64], b: &[f64]) -> Vec<f64> {
     let at = |v: &[f64], k: usize| v.get(k).copied().unwrap_or(0.0);
     (0..a.len().max(b.len())).map(|k| at(a, k) - at(b, k)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{common_roots, cross, cubic_roots, polished, quadratic_roots};
+    use crate::sparse::norm;
+
+    /// a t² + 2 b t s + c s² with given roots (t : s), also where b is negative, zero or far larger than a and c.
+    #[test]
+    fn roots_of_binary_forms_are_found() {
+        for (p, q) in [
+            ([1.0, 2.0], [3.0, -1.0]),
+            ([1.0, 2.0], [3.0, 1.0]),
+            ([1.0, 1.0], [1.0, -1.0]),
+            ([1.0, 1e-9], [1e-9, 1.0]),
+        ] {
+            // (t p₁ − s p₀)(t q₁ − s q₀) and its negative.
+            for sign in [1.0, -1.0] {
+                let form =
+                    [p[1] * q[1], -0.5 * (p[1] * q[0] + p[0] * q[1]), p[0] * q[0]].map(|c: f64| sign * c);
+                let roots = quadratic_roots(form);
+                let apart = |r: &[f64; 2], p: [f64; 2]| (r[0] * p[1] - r[1] * p[0]).abs() / norm(&p);
+                let has = |p: [f64; 2]| roots.iter().any(|r| apart(r, p) < 1e-15);
+                assert!(roots.len() == 2 && has(p) && has(q), "{p:?} {q:?}: {roots:?}");
+            }
+        }
+        // (t − s)(t − 2 s)(t + s); t³ + t s² has one.
+        let roots = cubic_roots([1.0, -2.0, -1.0, 2.0]);
+        let slopes: Vec<f64> = roots.iter().map(|r| r[0] / r[1]).collect();
+        for exact in [1.0, 2.0, -1.0] {
+            assert!(slopes.iter().any(|s| (s - exact).abs() < 1e-14), "{slopes:?}");
+        }
+        assert_eq!((roots.len(), cubic_roots([1.0, 0.0, 1.0, 0.0]).len()), (3, 1));
+    }
+
+    /// Pairs of cones with four, two and no common lines, one counted twice, and the same cone twice.
+    #[test]
+    fn common_lines_of_two_cones_are_found() {
+        let sphere = |z: f64| [1.0, 1.0, -z, 0.0, 0.0, 0.0];
+        // x² + y² = 2 z² and x² = y²: the lines (±1, ±1, 1).
+        let four = [sphere(2.0), [1.0, -1.0, 0.0, 0.0, 0.0, 0.0]];
+        let found = common_roots(&four, 1e-15).unwrap();
+        assert_eq!(found.len(), 4);
+        for exact in [
+            [1.0, 1.0, 1.0],
+            [1.0, -1.0, 1.0],
+            [-1.0, 1.0, 1.0],
+            [-1.0, -1.0, 1.0],
+        ] {
+            assert!(found.iter().any(|r| norm(&cross(r, &exact)) < 1e-12), "{found:?}");
+        }
+        // x² + y² = z² and (x − 2 z)(x − z / 2) = 0: the second plane meets the cone in two lines.
+        let two = [sphere(1.0), [1.0, 0.0, 1.0, 0.0, -1.25, 0.0]];
+        let found = common_roots(&two, 1e-15).unwrap();
+        assert_eq!(found.len(), 2);
+        let height = 0.75_f64.sqrt();
+        for exact in [[0.5, height, 1.0], [0.5, -height, 1.0]] {
+            assert!(found.iter().any(|r| norm(&cross(r, &exact)) < 1e-12), "{found:?}");
+        }
+        let none = [sphere(1.0), [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]];
+        assert_eq!(common_roots(&none, 1e-15), Some(Vec::new()));
+        // (x − z)² touches the cone; the same cone; a form that is all error.
+        let touching = [1.0, 0.0, 1.0, 0.0, -1.0, 0.0];
+        for (second, error) in [(touching, 1e-15), (sphere(1.0), 1e-15), ([1e-9; 6], 1e-9)] {
+            assert_eq!(common_roots(&[sphere(1.0), second], error), None, "{second:?}");
+        }
+        let near = polished(&four, [0.6, 0.57, 0.56]);
+        assert!(
+            (near[0] - near[2]).abs() < 1e-15 && (near[1] - near[2]).abs() < 1e-15,
+            "{near:?}"
+        );
+    }
+}
