@@ -5,9 +5,10 @@ mod obstacles;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use obstacles::{Problem, nested};
-use semismooth::complementarity::active_set::{ActiveSetOptions, ActiveSetSolver, ActiveSetStatus};
-use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
+use semismooth::complementarity::active_set::{ActiveSetOptions, ActiveSetSolver};
+use semismooth::complementarity::pivoting::Lemke;
 use semismooth::complementarity::{Lcp, McpSolver};
+use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 
 /// Uniform in [-1, 1).
@@ -28,7 +29,7 @@ fn grids(c: &mut Criterion) {
             let nested = nested(problem, m).unwrap();
             let mut z = vec![0.0; m * m];
             let report = nested.solve(&options, &mut z).unwrap();
-            assert_eq!(report.status(), ActiveSetStatus::Solved);
+            assert_eq!(report.status(), Status::Solved);
             let most = report.levels.iter().map(|l| l.report.iterations).max();
             println!("{}, m = {m}: at most {most:?} iterations a level", problem.name());
             group.bench_function(BenchmarkId::new(format!("nested {}", problem.name()), m), |b| {
@@ -106,7 +107,7 @@ fn dense(c: &mut Criterion) {
         let mut z = vec![0.0; lcp.len()];
         let mut solver = ActiveSetSolver::default();
         let report = solver.solve(&lcp, &mut z).unwrap();
-        assert_eq!(report.status, ActiveSetStatus::Solved);
+        assert_eq!(report.status, Status::Solved);
         println!("{name}: {report:?}");
         group.bench_function(BenchmarkId::new("active sets", name), |b| {
             b.iter(|| {
@@ -130,7 +131,7 @@ fn small(c: &mut Criterion) {
         let lcp = harker_pang(n);
         let mut z = vec![0.0; n];
         let mut lemke = Lemke::default();
-        assert_eq!(lemke.solve(&lcp, &mut z).unwrap().status, LemkeStatus::Solved);
+        assert_eq!(lemke.solve(&lcp, &mut z).unwrap().status, Status::Solved);
         group.bench_function(BenchmarkId::new("Lemke", n), |b| {
             b.iter(|| lemke.solve(&lcp, &mut z).unwrap())
         });

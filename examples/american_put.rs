@@ -15,11 +15,10 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use common::{Outcome, exit, file_in};
-use semismooth::complementarity::active_set::{
-    ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced,
-};
+use semismooth::complementarity::active_set::{ActiveSetOptions, ActiveSetSolver, DirectReduced};
 use semismooth::complementarity::{BoundState, Lcp};
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 #[derive(Parser)]
@@ -167,7 +166,7 @@ fn price(a: &Arguments) -> Outcome<Put> {
         } else {
             solver.solve_from_states(lcp, &mut v, &sets)?
         };
-        if report.status != ActiveSetStatus::Solved {
+        if report.status != Status::Solved {
             return Err(format!("step {step} ended as {}", report.status).into());
         }
         sets.copy_from_slice(solver.states());

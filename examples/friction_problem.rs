@@ -49,7 +49,7 @@ fn run(args: &Args) -> Outcome<()> {
     };
     if !args.json {
         println!(
-            "{:<40} {:>8} {:>8} {:>9} {:>10} {:>9} {:>6} {:>6} {:>6}",
+            "{:<40} {:>8} {:>15} {:>9} {:>10} {:>9} {:>6} {:>6} {:>6}",
             "problem", "contacts", "status", "residual", "iterations", "seconds", "open", "stick", "slip"
         );
     }
@@ -121,7 +121,7 @@ fn solve(file: &Path, args: &Args) -> Outcome<()> {
         println!("{line}");
     } else {
         println!(
-            "{name:<40} {contacts:>8} {status:>8} {residual:>9.1e} {iterations:>10} {seconds:>9.4} {open:>6} {stick:>6} {slip:>6}"
+            "{name:<40} {contacts:>8} {status:>15} {residual:>9.1e} {iterations:>10} {seconds:>9.4} {open:>6} {stick:>6} {slip:>6}"
         );
     }
     // A limit that ends a run is a valid outcome, a wrong solution is not; and the problem that comes with the example has a solution.

@@ -16,10 +16,11 @@ use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, exit, list};
-use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
-use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkeStatus};
+use semismooth::complementarity::active_set::ActiveSetSolver;
+use semismooth::complementarity::pivoting::{Lemke, LemkeOptions};
 use semismooth::complementarity::{Lcp, McpSolver};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 #[derive(Parser)]
@@ -65,7 +66,7 @@ fn readme_of_path() -> Outcome<()> {
     // M has a zero block, so reduced systems may be singular: the status reports this.
     let report = ActiveSetSolver::default().solve(&lcp, &mut z)?;
     match report.status {
-        ActiveSetStatus::Solved => show(
+        Status::Solved => show(
             "active sets",
             &lcp,
             &z,
@@ -155,7 +156,7 @@ fn exponential(name: &str, lcp: &Lcp, limit: usize) -> Outcome<()> {
         report.residual,
         begin.elapsed()
     );
-    if report.status != ActiveSetStatus::Solved || (z[0] - 1.0).abs() > 1e-9 {
+    if report.status != Status::Solved || (z[0] - 1.0).abs() > 1e-9 {
         return Err(format!("{name}'s problem was not solved").into());
     }
     Ok(())
@@ -174,7 +175,7 @@ fn without_solution() -> Outcome<()> {
         list(solver.ray().unwrap_or_default(), 3)
     );
     match report.status {
-        LemkeStatus::Ray { infeasible: true } => Ok(()),
+        Status::NoSolution => Ok(()),
         other => Err(format!("no certificate: {other}").into()),
     }
 }

@@ -15,9 +15,10 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use common::{Outcome, exit, list};
-use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
+use semismooth::complementarity::active_set::ActiveSetSolver;
 use semismooth::complementarity::{Autodiff, Block, Lcp, Mcp, McpSolver, SmoothFunction, Variables};
 use semismooth::piecewise::Real;
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 #[derive(Parser)]
@@ -141,10 +142,7 @@ fn spatial_prices() -> Outcome<()> {
         "\nspatial prices: {} in {} iterations, residual {:.1e}",
         report.status, report.iterations, report.residual
     );
-    check(
-        report.status == ActiveSetStatus::Solved,
-        "no equilibrium was found",
-    )?;
+    check(report.status == Status::Solved, "no equilibrium was found")?;
     let supply = |i: usize| SUPPLY[i].0 + SUPPLY[i].1 * x[3 * i..3 * i + 3].iter().sum::<f64>();
     let demand = |j: usize| DEMAND[j].0 - DEMAND[j].1 * (0..3).map(|i| x[3 * i + j]).sum::<f64>();
     let mut worst = 0.0_f64;

@@ -25,9 +25,10 @@ use obstacles::{Grid, Problem, exact, nested};
 use raster::{raster, square, with_classes};
 use semismooth::complementarity::BoundState;
 use semismooth::complementarity::active_set::{
-    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetSolver, ActiveSetStatus, DirectReduced,
+    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetSolver, DirectReduced,
 };
 use semismooth::output::{BranchDiagram, Colour, Panel};
+use semismooth::run::Status;
 
 #[derive(Parser)]
 #[command(about = "Obstacle problems and elastic-plastic torsion on an m x m grid")]
@@ -126,9 +127,9 @@ fn solve(problem: Problem, arguments: &Arguments) -> Outcome<(Vec<f64>, Vec<Boun
     Ok((z, solver.states().to_vec()))
 }
 
-fn check(status: ActiveSetStatus) -> Outcome<()> {
+fn check(status: Status) -> Outcome<()> {
     match status {
-        ActiveSetStatus::Solved => Ok(()),
+        Status::Solved => Ok(()),
         other => Err(format!("not solved: {other}").into()),
     }
 }

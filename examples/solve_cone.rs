@@ -18,7 +18,8 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 use common::{Outcome, ensure};
 use inequalities::{Problem, read_cone};
-use semismooth::cones::{ConeOptions, ConeReport, ConeSolver, ConeStatus};
+use semismooth::cones::{ConeOptions, ConeReport, ConeSolver};
+use semismooth::run::Status;
 use serde_json::json;
 
 /// Solves complementarity problems over cones from all their starts.
@@ -57,8 +58,8 @@ fn run(arguments: &Arguments) -> Outcome<()> {
                 .map_err(|e| format!("{}, start {label}: {e}", problem.name))?;
             all += 1;
             right += usize::from(match report.status {
-                ConeStatus::Solved => problem.solvable,
-                ConeStatus::NoSolution => !problem.solvable,
+                Status::Solved => problem.solvable,
+                Status::NoSolution => !problem.solvable,
                 _ => false,
             });
             print(arguments.json, problem, label, &report, begun.elapsed(), &x);

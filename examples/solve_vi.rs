@@ -20,7 +20,8 @@ use common::{Outcome, distance, ensure};
 use inequalities::{Problem, read_vi};
 use semismooth::complementarity::McpOptions;
 use semismooth::enumeration::{Completeness, EnumerationOptions};
-use semismooth::variational::{Multipliers, ViReport, ViSolutions, ViSolver, ViStatus};
+use semismooth::run::Status;
+use semismooth::variational::{Multipliers, ViReport, ViSolutions, ViSolver};
 use serde_json::json;
 
 /// Solves variational inequalities over polyhedra from all their starts.
@@ -59,8 +60,8 @@ fn run(arguments: &Arguments) -> Outcome<()> {
                 .map_err(|e| format!("{}, start {label}: {e}", problem.name))?;
             all += 1;
             right += usize::from(match report.status {
-                ViStatus::Solved => problem.solvable,
-                ViStatus::EmptySet | ViStatus::NoSolution => !problem.solvable,
+                Status::Solved => problem.solvable,
+                Status::EmptySet | Status::NoSolution => !problem.solvable,
                 _ => false,
             });
             print(arguments.json, problem, label, &report, begun.elapsed(), &x);

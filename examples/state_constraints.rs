@@ -32,14 +32,13 @@ use common::{Outcome, distance, ensure, exit, file_in, growth};
 use grids::{bilinear, five_point};
 use raster::{UNIT, blend, raster, square, with_classes};
 use semismooth::complementarity::Lcp;
-use semismooth::complementarity::active_set::{
-    ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced,
-};
+use semismooth::complementarity::active_set::{ActiveSetOptions, ActiveSetSolver, DirectReduced};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::linear::{Cholesky, Prolongation};
 use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::output::{Colour, Panel};
 use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 
 #[derive(Parser)]
@@ -120,7 +119,7 @@ impl Yosida {
         let mut y = vec![0.0; n];
         let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), DirectReduced::new());
         match solver.solve(&lcp, &mut y)?.status {
-            ActiveSetStatus::Solved => Ok(y),
+            Status::Solved => Ok(y),
             other => Err(format!("the problem without γ is not solved: {other}").into()),
         }
     }

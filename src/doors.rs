@@ -383,7 +383,7 @@ where
 #[cfg(test)]
 mod tests {
     use super::{Formula, SolveError, Traced, all_solutions, solve};
-    use crate::complementarity::McpStatus;
+    use crate::run::Status;
 
     /// Affine equations are taken as data: what contradicts itself is proven to, and solutions far out are found.
     #[test]
@@ -391,13 +391,13 @@ mod tests {
         let Err(SolveError::NotSolved(best)) = solve(|x| vec![x[0] - x[0] + 1.0], &[0.0]) else {
             panic!("0 x + 1 = 0 is refused or solved");
         };
-        assert_eq!(best.report.status, McpStatus::Infeasible);
+        assert_eq!(best.report.status, Status::NoSolution);
         let found = solve(
             |x| vec![x[0] + x[1] - 1.0, 2.0 * (x[0] + x[1]) - 3.0],
             &[0.0, 0.0],
         );
         assert!(
-            matches!(found, Err(SolveError::NotSolved(best)) if best.report.status == McpStatus::Infeasible)
+            matches!(found, Err(SolveError::NotSolved(best)) if best.report.status == Status::NoSolution)
         );
         let x = solve(|x| vec![1e-20 * x[0] - 1.0, x[0] - x[1] - 1.0], &[0.0, 0.0])
             .unwrap()

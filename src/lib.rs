@@ -54,6 +54,7 @@ pub mod output;
 mod parallel;
 pub mod piecewise;
 pub mod prelude;
+pub mod run;
 pub mod sensitivity;
 pub mod sparse;
 mod spread;

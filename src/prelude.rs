@@ -15,7 +15,7 @@
 //! ```
 
 pub use crate::complementarity::{
-    AffineFunction, ComplementarityError, Lcp, Mcp, McpFunction, McpOptions, McpReport, McpSolver, McpStatus,
+    AffineFunction, ComplementarityError, Lcp, Mcp, McpFunction, McpOptions, McpReport, McpSolver,
     WithJacobian,
 };
 #[cfg(feature = "autodiff")]
@@ -29,4 +29,5 @@ pub use crate::newton::{Newton, NewtonError, NewtonOptions};
 pub use crate::piecewise::{Facet, MinMap, PiecewiseError, PiecewiseSmooth, Real, Selection, Semismooth};
 #[cfg(feature = "autodiff")]
 pub use crate::piecewise::{Formula, Kinks, NonsmoothFunction, Traced};
+pub use crate::run::Status;
 pub use crate::sparse::{Matrix, Pattern};

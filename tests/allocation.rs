@@ -2,12 +2,13 @@
 
 use std::alloc::System;
 
-use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
-use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
+use semismooth::complementarity::active_set::ActiveSetSolver;
+use semismooth::complementarity::pivoting::Lemke;
 use semismooth::complementarity::{Lcp, Mcp, McpSolver, McpStrategy, WithJacobian};
 use semismooth::linear::{BlockDiagonal, IncompleteLu, KrylovMethod, Multigrid, Preconditioner};
 use semismooth::newton::{Damping, NewtonKrylov, NewtonKrylovOptions};
 use semismooth::piecewise::{Assembled, Semismooth};
+use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
@@ -137,9 +138,9 @@ fn reused_solvers_do_not_allocate() {
             for p in &problems {
                 z.fill(1.0);
                 assert!(newton.solve(p.mcp(), &mut z).unwrap().is_solved());
-                assert_eq!(lemke.solve(p, &mut z).unwrap().status, LemkeStatus::Solved);
+                assert_eq!(lemke.solve(p, &mut z).unwrap().status, Status::Solved);
                 z.fill(1.0);
-                assert_eq!(sets.solve(p, &mut z).unwrap().status, ActiveSetStatus::Solved);
+                assert_eq!(sets.solve(p, &mut z).unwrap().status, Status::Solved);
             }
         };
         all();

@@ -4,10 +4,10 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use semismooth::complementarity::active_set::{
-    ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, AutoReduced, DirectReduced, MultigridReduced,
-    ReducedSolver, Start,
+    ActiveSetOptions, ActiveSetSolver, AutoReduced, DirectReduced, MultigridReduced, ReducedSolver, Start,
 };
 use semismooth::complementarity::{BoundState, ComplementarityError, Lcp};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 /// The five-point Laplacian on an m × m grid of the unit square, times h², less `shift` on the diagonal.
@@ -88,7 +88,7 @@ fn solve<R: ReducedSolver>(lcp: &Lcp, inner: R) -> Run {
     let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), watched);
     let mut z = vec![0.0; lcp.len()];
     let report = solver.solve(lcp, &mut z).unwrap();
-    assert_eq!(report.status, ActiveSetStatus::Solved);
+    assert_eq!(report.status, Status::Solved);
     Run {
         z,
         states: solver.states().to_vec(),
@@ -201,7 +201,7 @@ fn a_membrane_at_rest_on_its_obstacle_stays_there() {
             ActiveSetSolver::with_reduced(ActiveSetOptions::default(), MultigridReduced::algebraic());
         let mut z = vec![0.0; 2 * n];
         let report = solver.solve_from_states(&lcp, &mut z, &vec![at; 2 * n]).unwrap();
-        assert_eq!(report.status, ActiveSetStatus::Solved);
+        assert_eq!(report.status, Status::Solved);
         assert!(z[..n].iter().all(|z| *z == 0.0) && z[n..].iter().any(|z| sign * z > 1.0));
         assert!(solver.states()[..n].iter().all(|s| *s == at), "{at:?}");
     }

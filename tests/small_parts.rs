@@ -9,8 +9,8 @@ use semismooth::complementarity::{
 };
 use semismooth::contact::{
     CondensedContact, ContactBody, DelassusOptions, DelassusPhase, DelassusProblem, DelassusSolver,
-    DelassusStatus, FrictionCoefficient, FrictionCurve, Frictionless, GivenBound, LoadPath, NodeLaw,
-    OrthotropicCoulomb, PlanarCoulomb,
+    FrictionCoefficient, FrictionCurve, Frictionless, GivenBound, LoadPath, NodeLaw, OrthotropicCoulomb,
+    PlanarCoulomb,
 };
 use semismooth::continuation::{
     Branch, Continuation, ContinuationOptions, Direction, SearchOptions, Strategy, search_solutions,
@@ -20,6 +20,7 @@ use semismooth::fem::Mesh;
 use semismooth::interface::InterfaceProblem;
 use semismooth::linear::IncompleteLu;
 use semismooth::piecewise::{Facet, MinMap};
+use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 
 #[test]
@@ -434,7 +435,7 @@ fn searches_end_on_request() {
 
 #[test]
 fn limits_hold_where_nothing_can_be_evaluated() {
-    use semismooth::complementarity::{Differenced, McpStatus};
+    use semismooth::complementarity::Differenced;
     use std::time::Duration;
     let f = |x: &[f64], out: &mut [f64]| out[0] = if x[0] == 1.0 { 2.0 } else { f64::NAN };
     let problem = Mcp::new(
@@ -448,7 +449,7 @@ fn limits_hold_where_nothing_can_be_evaluated() {
         .with_max_time(Some(Duration::from_millis(1)));
     let mut solver = McpSolver::new(options);
     let report = solver.solve(&problem, &mut [1.0]).unwrap();
-    assert_eq!(report.status, McpStatus::TimeLimit);
+    assert_eq!(report.status, Status::TimeLimit);
     let shrink = ContinuationOptions::default()
         .with_shrink(1.0 - f64::EPSILON)
         .validate();
@@ -502,7 +503,7 @@ fn sweeps_are_reported_and_limited() {
     let problem = DelassusProblem::new(2, m, vec![-1.0, 0.0, -1.0, 0.0], vec![0.3; 2]).unwrap();
     let report = DelassusSolver::default().solve(&problem).unwrap();
     // No phase uses up the budget of the later ones: all of them were tried.
-    assert_eq!(report.status, DelassusStatus::Stalled);
+    assert_eq!(report.status, Status::Stalled);
     let sweeps = |report: &semismooth::contact::DelassusReport| {
         let parts = report.history.iter().filter(|h| h.phase == DelassusPhase::Sweeps);
         let parts: Vec<usize> = parts.map(|h| h.work).collect();

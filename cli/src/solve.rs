@@ -4,8 +4,9 @@ use std::ops::ControlFlow;
 
 use semismooth::complementarity::{
     AffineFunction, BoundState, ComplementarityError, Mcp, McpFunction, McpIteration, McpReport, McpSolver,
-    McpStatus, kkt,
+    kkt,
 };
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 use thiserror::Error;
 
@@ -128,7 +129,7 @@ fn square(
         (code, message) = doubt.word(code, message);
         code = confirm(model, &all, options, code, &mut message);
     }
-    if let McpStatus::EvaluationFailure { component } = report.status {
+    if let Status::EvaluationFailure { component } = report.status {
         let (_, row) = square.origin(component);
         message.push_str(&format!("\nThe component belongs to {}.", model.names.row(row)));
     }
@@ -188,7 +189,7 @@ fn program(
             message.push_str("\nAt kinks the derivatives are those of one of the pieces.");
             code = confirm(model, &x[..model.lower.len()], options, code, &mut message);
         }
-    } else if let (McpStatus::Infeasible, Some(function)) = (report.status, &quadratic) {
+    } else if let (Status::NoSolution, Some(function)) = (report.status, &quadratic) {
         let text;
         (code, text) = without_kkt_point(&nearest(function, variables)?, bounds, options)?;
         message.push_str(text);
@@ -214,8 +215,8 @@ fn without_kkt_point(
         ControlFlow::Continue(())
     })?;
     Ok(match report.status {
-        McpStatus::Infeasible => (200, "\nNo point satisfies the constraints (proven)."),
-        McpStatus::Solved => (
+        Status::NoSolution => (200, "\nNo point satisfies the constraints (proven)."),
+        Status::Solved => (
             300,
             "\nThe problem has no KKT point (proven), but its constraints can be satisfied: it is unbounded.",
         ),
@@ -295,15 +296,15 @@ fn verdict(report: &McpReport, what: &str) -> (u16, String) {
         report.residual, report.error, report.iterations, report.evaluations
     );
     let code = match report.status {
-        McpStatus::Solved => return (0, format!("Solved: {what}; {numbers}.")),
-        McpStatus::AtRounding => 100,
-        McpStatus::Infeasible => 200,
-        McpStatus::IterationLimit => 400,
-        McpStatus::TimeLimit => 401,
-        McpStatus::Stationary { .. } => 501,
-        McpStatus::Unbounded => 502,
-        McpStatus::EvaluationFailure { .. } => 503,
-        McpStatus::Interrupted => 505,
+        Status::Solved => return (0, format!("Solved: {what}; {numbers}.")),
+        Status::AtRounding => 100,
+        Status::NoSolution => 200,
+        Status::IterationLimit => 400,
+        Status::TimeLimit => 401,
+        Status::Stationary { .. } => 501,
+        Status::Unbounded => 502,
+        Status::EvaluationFailure { .. } => 503,
+        Status::Interrupted => 505,
         _ => 500,
     };
     (code, format!("Not solved: {what}: {}; {numbers}.", report.status))

@@ -6,12 +6,13 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
-use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkePivot, LemkeStatus};
+use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkePivot};
 use semismooth::complementarity::{
     AffineFunction, BoundState, Differenced, Mcp, McpFunction, McpIteration, McpOptions, McpReport,
-    McpSolver, McpStatus, WithJacobian,
+    McpSolver, WithJacobian,
 };
 use semismooth::newton::Newton;
+use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 use serde::Serialize;
 
@@ -76,7 +77,7 @@ impl Lcp {
 pub(crate) struct McpResult {
     /// The solution, or the point with the smallest natural residual, shape (n,).
     pub(crate) x: Py<PyArray1<f64>>,
-    /// "solved", "at rounding", "stationary", "unbounded", "infeasible", "stalled", "iteration limit", "time limit", "evaluation failure"
+    /// "solved", "at rounding", "stationary", "unbounded", "no solution", "stalled", "iteration limit", "time limit", "evaluation failure"
     /// or "interrupted".
     pub(crate) status: String,
     /// The status in a sentence.
@@ -102,7 +103,7 @@ pub(crate) struct McpResult {
     /// The iterates, each a dict of "index", "strategy", "residual", "merit", "step", "damping" and "sites_changed";
     /// ``pandas.DataFrame(result.history)`` is a table.
     pub(crate) history: Py<PyAny>,
-    /// Where the status is "infeasible", the vector v that proves it (empty where enumeration did): a recession direction of the box
+    /// Where the status is "no solution", the vector v that proves it (empty where enumeration did): a recession direction of the box
     /// [lower, upper], so that every solution has vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the box.
     pub(crate) certificate: Py<PyArray1<f64>>,
     /// Wall-clock time in seconds.
@@ -612,8 +613,8 @@ fn solve_equation(
         let Derivative::Formula(map) = &derivative else {
             return Ok((x, report));
         };
-        let over = matches!(report.status, McpStatus::Interrupted | McpStatus::TimeLimit);
-        if report.status == McpStatus::Solved || over || run.is_broken() {
+        let over = matches!(report.status, Status::Interrupted | Status::TimeLimit);
+        if report.status == Status::Solved || over || run.is_broken() {
             return Ok((x, report));
         }
         // Newton's method for the pieces themselves; its point is judged as those of the others are.
@@ -624,12 +625,12 @@ fn solve_equation(
         }
         let judged = solve(run, &problem, &mut second, options, None)?;
         match judged.status {
-            McpStatus::Solved => Ok((second, judged)),
+            Status::Solved => Ok((second, judged)),
             _ => Ok((x, report)),
         }
     })?;
     let mut result = McpResult::new(py, &x, &report)?;
-    if let (false, Derivative::Formula(map)) = (report.status == McpStatus::Solved, &derivative) {
+    if let (false, Derivative::Formula(map)) = (report.status == Status::Solved, &derivative) {
         let map = map.get();
         if let Some(jump) = py.detach(|| map.jump([&x0, &x])) {
             result.message = format!("{}; {jump}", result.message);
@@ -643,7 +644,7 @@ fn solve_equation(
 pub(crate) struct LemkeResult {
     /// The solution, or the end of the path, shape (n,).
     pub(crate) x: Py<PyArray1<f64>>,
-    /// "solved", "infeasible" (proven by ``ray``), "ray", "pivot limit", "interrupted" or "inaccurate".
+    /// "solved", "no solution" (proven by ``ray``), "ray", "iteration limit" (of pivots), "interrupted" or "inaccurate".
     pub(crate) status: String,
     /// The status in a sentence.
     pub(crate) message: String,
@@ -723,7 +724,7 @@ fn lemke(
         };
         solver.solve_observed(&problem, &mut x, observe).map_err(raised)
     })?;
-    let on_ray = matches!(report.status, LemkeStatus::Ray { .. });
+    let on_ray = matches!(report.status, Status::NoSolution | Status::Ray);
     let ray = solver.ray().filter(|_| on_ray);
     Ok(LemkeResult {
         x: PyArray1::from_vec(py, x).unbind(),

@@ -22,7 +22,7 @@ pub(crate) struct FrictionResult {
     pub(crate) velocities: Py<PyArray2<f64>>,
     /// The state of each contact: "open", "stick", "slip+" where it slips along T1, "slip-" where against it.
     pub(crate) states: Vec<String>,
-    /// "solved", or why the problem is not.
+    /// "solved", "iteration limit" (of factorisations), "time limit", "stalled" or "interrupted".
     pub(crate) status: String,
     /// The residual, scaled and contact by contact, measured at the reactions.
     pub(crate) residual: f64,

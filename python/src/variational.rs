@@ -141,7 +141,7 @@ fn solve_vi(
     let array = |v: &[f64]| PyArray1::from_slice(py, v).unbind();
     Ok(ViResult {
         x: array(&x),
-        status: report.status.to_string(),
+        status: report.status.name().to_owned(),
         residual: report.residual,
         inequalities: array(&report.multipliers.inequalities),
         equations: array(&report.multipliers.equations),
@@ -253,7 +253,7 @@ fn solve_cone(
     })?;
     Ok(ConeResult {
         x: PyArray1::from_vec(py, x).unbind(),
-        status: report.status.to_string(),
+        status: report.status.name().to_owned(),
         residual: report.residual,
         error: report.error,
         radius: report.ray.as_ref().map(|ray| ray.radius),

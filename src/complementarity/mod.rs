@@ -36,7 +36,7 @@
 //! relative to its terms. Where J is regular there, beyond rounding, and the same elsewhere (F is affine), 1e-20 x₀ = 1, x₀ − x₁ = 1 is
 //! solved. Where F is curved, terms count only if they stay the same, up to a factor of two, when the components of x change to one side by
 //! twice the error: near a singularity of F terms are large without a solution nearby. A residual that is only the rounding error of huge
-//! terms gives [`McpStatus::AtRounding`]. McpSolver, [`ActiveSetSolver`](active_set::ActiveSetSolver),
+//! terms gives [`Status::AtRounding`](crate::run::Status::AtRounding). McpSolver, [`ActiveSetSolver`](active_set::ActiveSetSolver),
 //! [`Nested`](active_set::Nested), [`Lemke`](pivoting::Lemke) and [`ViSolver`](crate::variational::ViSolver) use this rule.
 //! [`Newton`](crate::newton::Newton) compares residuals with their terms alone, but refuses points far out where J is singular, too.
 //!
@@ -96,7 +96,7 @@ pub(crate) use problem::check_bounds;
 pub use problem::{AtParameter, Mcp};
 pub(crate) use scratch::Scratch;
 pub use solver::{
-    BoundState, Fallback, McpIteration, McpOptions, McpReport, McpSolver, McpStatus, McpStep, McpStrategy,
+    BoundState, Fallback, McpIteration, McpOptions, McpReport, McpSolver, McpStep, McpStrategy,
 };
 pub use strong::strong_regularity;
 pub use variables::{Block, Variables, VariablesView};

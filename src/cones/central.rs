@@ -2,11 +2,12 @@
 
 use std::ops::ControlFlow;
 
+use super::ConeError;
 use super::equations::{Map, Part};
 use super::interior::{Image, Interior};
 use super::run::{Run, TAIL};
-use super::{ConeError, ConeStatus};
 use crate::linear::{Cholesky, LinearSolver};
+use crate::run::Status;
 use crate::sparse::{Matrix, Pattern, max_abs};
 
 /// Most steps; a step is short below SHORT, and the iteration ends after so many short ones in a row.
@@ -69,7 +70,7 @@ impl Run<'_> {
 
     /// Follows the central path from `start` until steps of the natural map end at a solution; `None` where they do not. The path leads
     /// there where F is monotone and some x has both x and F(x) in the interiors of their cones; solutions need not be unique.
-    pub(super) fn interior_points(&mut self, start: &[f64]) -> Result<Option<ConeStatus>, ConeError> {
+    pub(super) fn interior_points(&mut self, start: &[f64]) -> Result<Option<Status>, ConeError> {
         self.x.copy_from_slice(start);
         if !self.evaluate()? {
             return Ok(None);
@@ -122,15 +123,15 @@ impl Run<'_> {
             let smoothed = Map::Smoothed(engine.gap().max(0.0).sqrt());
             let merit = self.map(smoothed, false);
             if self.record(merit, smoothed, length).is_break() {
-                return Ok(Some(ConeStatus::Interrupted));
+                return Ok(Some(Status::Interrupted));
             }
             stuck = if length < SHORT { stuck + 1 } else { 0 };
             let merit = self.map(Map::Natural, false);
             if merit <= next_tail {
                 next_tail = TAIL * merit;
                 match self.tail()? {
-                    Some(ControlFlow::Continue(())) => return Ok(Some(ConeStatus::Solved)),
-                    Some(ControlFlow::Break(())) => return Ok(Some(ConeStatus::Interrupted)),
+                    Some(ControlFlow::Continue(())) => return Ok(Some(Status::Solved)),
+                    Some(ControlFlow::Break(())) => return Ok(Some(Status::Interrupted)),
                     None => {}
                 }
             }
@@ -152,7 +153,7 @@ mod tests {
     use crate::spread::Random;
 
     /// How interior points alone end, whether F counts as monotone, and the point.
-    fn solve(function: &dyn McpFunction, cones: Vec<Cone>) -> (Option<ConeStatus>, bool, Vec<f64>) {
+    fn solve(function: &dyn McpFunction, cones: Vec<Cone>) -> (Option<Status>, bool, Vec<f64>) {
         let problem = ConeProblem::new(function, cones).unwrap();
         let options = ConeOptions::default();
         let mut silent = |_: &_| ControlFlow::Continue(());
@@ -199,7 +200,7 @@ mod tests {
                 let cones = [Cone::Free(4), Cone::SecondOrder(3), Cone::SecondOrder(4)];
                 let rest = [Cone::Nonnegative(1), Cone::Free(1)];
                 let (status, monotone, w) = solve(&function.unwrap(), [&cones[..], &rest[..]].concat());
-                assert!(monotone && status == Some(ConeStatus::Solved), "{status:?}");
+                assert!(monotone && status == Some(Status::Solved), "{status:?}");
                 let (x, z) = w.split_at(4);
                 let slack = |i: usize| q[4 + i] - (0..4).map(|j| g[i][j] * x[j]).sum::<f64>();
                 let value = 0.5 * curved * x[0] * x[0] + (0..4).map(|j| q[j] * x[j]).sum::<f64>();
@@ -231,7 +232,7 @@ mod tests {
             &WithJacobian::new(9, value, jacobian),
             vec![Cone::SecondOrder(3); 3],
         );
-        assert_eq!((status, monotone), (Some(ConeStatus::Solved), false));
+        assert_eq!((status, monotone), (Some(Status::Solved), false));
         assert!(x.iter().zip(&goal).all(|(x, g)| (x - g).abs() <= 1e-7), "{x:?}");
     }
 

@@ -31,6 +31,6 @@ pub(crate) use jordan::jordan;
 pub use map::ConeMap;
 pub use options::{ConeOptions, ConeStrategy};
 pub use problem::ConeProblem;
-pub use report::{ConeIteration, ConeRay, ConeReport, ConeStatus};
+pub use report::{ConeIteration, ConeRay, ConeReport};
 pub use semidefinite::{smat, svec};
 pub use solver::ConeSolver;

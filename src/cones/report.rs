@@ -1,37 +1,4 @@
-/// How a solve ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum ConeStatus {
-    /// x lies in K, and [`ConeReport::error`] is at most the tolerance.
-    Solved,
-    /// No x in K has F(x) in K*, as [`ConeReport::ray`] proves for all x within its radius.
-    NoSolution,
-    /// No step made progress any more.
-    Stalled,
-    /// The limit on iterations.
-    IterationLimit,
-    /// The limit on time.
-    TimeLimit,
-    /// F or its Jacobian is not finite at the start.
-    EvaluationFailure,
-    /// The observer asked to stop.
-    Interrupted,
-}
-
-impl std::fmt::Display for ConeStatus {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Solved => "solved",
-            Self::NoSolution => "no solution",
-            Self::Stalled => "stalled",
-            Self::IterationLimit => "iteration limit",
-            Self::TimeLimit => "time limit",
-            Self::EvaluationFailure => "evaluation failure",
-            Self::Interrupted => "interrupted",
-        })
-    }
-}
+use crate::run::Status;
 
 /// One iterate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,7 +35,7 @@ pub struct ConeRay {
 #[non_exhaustive]
 pub struct ConeReport {
     /// How it ended.
-    pub status: ConeStatus,
+    pub status: Status,
     /// ‖x − P(x − F(x))‖_∞ at the point returned.
     pub residual: f64,
     /// Largest ‖x_b/X − P(x_b/X − F_b/S_b)‖₂ over the cones b. X is the largest |xᵢ| in the block of b (the cones connected by entries of
@@ -94,7 +61,7 @@ impl ConeReport {
     /// Whether the problem is solved.
     #[must_use]
     pub fn is_solved(&self) -> bool {
-        self.status == ConeStatus::Solved
+        self.status.is_solved()
     }
 }
 

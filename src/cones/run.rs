@@ -4,10 +4,11 @@ use std::ops::ControlFlow;
 
 use super::equations::{Map, Part, mixed, owners, parts};
 use super::ray::{Search, ray};
-use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus, ConeStrategy};
+use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStrategy};
 use crate::clock::Deadline;
 use crate::complementarity::McpFunction;
 use crate::linear::{AutoSolver, LinearSolver};
+use crate::run::Status;
 use crate::sparse::{Matrix, Pattern, max_abs, pieces};
 use crate::spread::Random;
 
@@ -159,7 +160,7 @@ impl<'a> Run<'a> {
             by_y: vec![0.0; at],
             attempt: 0,
             report: ConeReport {
-                status: ConeStatus::Stalled,
+                status: Status::Stalled,
                 residual: f64::NAN,
                 error: f64::NAN,
                 iterations: 0,
@@ -171,12 +172,12 @@ impl<'a> Run<'a> {
         })
     }
 
-    pub(super) fn all_starts(&mut self, start: &[f64]) -> Result<ConeStatus, ConeError> {
+    pub(super) fn all_starts(&mut self, start: &[f64]) -> Result<Status, ConeError> {
         self.best.copy_from_slice(start);
         self.problem.project(&mut self.best)?;
         let mut random = Random::new(1);
         let size = 1.0 + max_abs(start);
-        let mut status = ConeStatus::Stalled;
+        let mut status = Status::Stalled;
         for attempt in 0..=self.options.restarts {
             self.attempt = attempt;
             self.x.copy_from_slice(start);
@@ -190,10 +191,10 @@ impl<'a> Run<'a> {
                 _ => self.descend()?,
             };
             match outcome {
-                ConeStatus::Stalled | ConeStatus::IterationLimit => status = outcome,
-                ConeStatus::EvaluationFailure if attempt > 0 => {
+                Status::Stalled | Status::IterationLimit => status = outcome,
+                Status::EvaluationFailure { .. } if attempt > 0 => {
                     if (self.observe)(&between(attempt)).is_break() {
-                        return Ok(ConeStatus::Interrupted);
+                        return Ok(Status::Interrupted);
                     }
                 }
                 _ => return Ok(outcome),
@@ -206,9 +207,9 @@ impl<'a> Run<'a> {
     }
 
     /// All strategies from the start, one after the other.
-    fn first_start(&mut self, start: &[f64]) -> Result<ConeStatus, ConeError> {
+    fn first_start(&mut self, start: &[f64]) -> Result<Status, ConeError> {
         let monotone = self.evaluate()? && self.is_monotone()?;
-        let mut outcome = ConeStatus::Stalled;
+        let mut outcome = Status::Stalled;
         for strategy in &self.options.strategies {
             self.x.copy_from_slice(start);
             let ended = match strategy {
@@ -223,7 +224,7 @@ impl<'a> Run<'a> {
             if ended.is_none() && *strategy == ConeStrategy::InteriorPoints && monotone {
                 outcome = self.refute(start)?;
             }
-            let fails = matches!(outcome, ConeStatus::Stalled | ConeStatus::IterationLimit);
+            let fails = matches!(outcome, Status::Stalled | Status::IterationLimit);
             if !fails || self.exhausted().is_some() {
                 break;
             }
@@ -233,9 +234,9 @@ impl<'a> Run<'a> {
 
     /// Where interior points of a monotone problem have found no solution, a proof that there is none takes
     /// no longer than they did.
-    fn refute(&mut self, start: &[f64]) -> Result<ConeStatus, ConeError> {
+    fn refute(&mut self, start: &[f64]) -> Result<Status, ConeError> {
         if self.inner {
-            return Ok(ConeStatus::Stalled);
+            return Ok(Status::Stalled);
         }
         let (attempt, mut stopped) = (self.attempt, false);
         let mut tell = |_: &ConeIteration| {
@@ -254,22 +255,22 @@ impl<'a> Run<'a> {
         };
         self.report.ray = ray(self.problem, &mut search, (&self.parts, &self.block), start)?;
         Ok(match (&self.report.ray, stopped) {
-            (Some(_), _) => ConeStatus::NoSolution,
-            (None, true) => ConeStatus::Interrupted,
-            (None, false) => ConeStatus::Stalled,
+            (Some(_), _) => Status::NoSolution,
+            (None, true) => Status::Interrupted,
+            (None, false) => Status::Stalled,
         })
     }
 
     /// Steps of the natural map from x.
-    fn newton(&mut self) -> Result<ConeStatus, ConeError> {
+    fn newton(&mut self) -> Result<Status, ConeError> {
         if !self.evaluate()? {
-            return Ok(ConeStatus::EvaluationFailure);
+            return Ok(self.not_finite());
         }
         self.choose_units();
         Ok(match self.tail()? {
-            Some(ControlFlow::Continue(())) => ConeStatus::Solved,
-            Some(ControlFlow::Break(())) => ConeStatus::Interrupted,
-            None => ConeStatus::Stalled,
+            Some(ControlFlow::Continue(())) => Status::Solved,
+            Some(ControlFlow::Break(())) => Status::Interrupted,
+            None => Status::Stalled,
         })
     }
 
@@ -290,6 +291,21 @@ impl<'a> Run<'a> {
         Ok(self.f.iter().chain(self.jac.values()).all(|v| v.is_finite()))
     }
 
+    /// The first component of F, or row of ∇F, that is not finite.
+    fn not_finite(&self) -> Status {
+        let of_function = self.f.iter().position(|v| !v.is_finite());
+        let row = || {
+            self.jac
+                .triplets()
+                .filter(|(.., v)| !v.is_finite())
+                .map(|(i, ..)| i)
+                .min()
+        };
+        Status::EvaluationFailure {
+            component: of_function.or_else(row).unwrap_or(0),
+        }
+    }
+
     /// Adds the proximal term at the trial point or at x to F.
     fn add_proximal(&mut self, at_trial: bool) {
         if self.weight == 0.0 {
@@ -304,7 +320,7 @@ impl<'a> Run<'a> {
     }
 
     /// Solutions of F(x) + w (x − x_k) one after the other, w → 0.
-    fn proximal_points(&mut self, start: &[f64]) -> Result<ConeStatus, ConeError> {
+    fn proximal_points(&mut self, start: &[f64]) -> Result<Status, ConeError> {
         self.x.copy_from_slice(start);
         let mut weight = WEIGHT;
         for _ in 0..OUTER {
@@ -313,20 +329,17 @@ impl<'a> Run<'a> {
             let outcome = self.descend();
             self.weight = 0.0;
             let status = outcome?;
-            if !matches!(
-                status,
-                ConeStatus::Solved | ConeStatus::Stalled | ConeStatus::IterationLimit
-            ) {
+            if !matches!(status, Status::Solved | Status::Stalled | Status::IterationLimit) {
                 return Ok(status);
             }
-            if status == ConeStatus::Solved {
+            if status == Status::Solved {
                 weight *= LIGHTER;
                 if !self.evaluate()? {
-                    return Ok(ConeStatus::Stalled);
+                    return Ok(Status::Stalled);
                 }
                 match self.tail()? {
-                    Some(ControlFlow::Continue(())) => return Ok(ConeStatus::Solved),
-                    Some(ControlFlow::Break(())) => return Ok(ConeStatus::Interrupted),
+                    Some(ControlFlow::Continue(())) => return Ok(Status::Solved),
+                    Some(ControlFlow::Break(())) => return Ok(Status::Interrupted),
                     None => {}
                 }
             } else if let Some(limit) = self.exhausted() {
@@ -336,15 +349,15 @@ impl<'a> Run<'a> {
                 self.x.copy_from_slice(&self.centre);
             }
         }
-        Ok(ConeStatus::Stalled)
+        Ok(Status::Stalled)
     }
 
     /// A reason to stop altogether.
-    pub(super) fn exhausted(&self) -> Option<ConeStatus> {
+    pub(super) fn exhausted(&self) -> Option<Status> {
         if self.deadline.is_over() {
-            Some(ConeStatus::TimeLimit)
+            Some(Status::TimeLimit)
         } else if self.report.iterations >= self.options.max_iterations {
-            Some(ConeStatus::IterationLimit)
+            Some(Status::IterationLimit)
         } else {
             None
         }
@@ -366,9 +379,9 @@ impl<'a> Run<'a> {
     }
 
     /// One run from x.
-    fn descend(&mut self) -> Result<ConeStatus, ConeError> {
+    fn descend(&mut self) -> Result<Status, ConeError> {
         if !self.evaluate()? {
-            return Ok(ConeStatus::EvaluationFailure);
+            return Ok(self.not_finite());
         }
         self.choose_units();
         let first = self.map(Map::Natural, false);
@@ -381,16 +394,16 @@ impl<'a> Run<'a> {
                 return Ok(status);
             }
             if self.record(merit, Map::Smoothed(mu), damping).is_break() {
-                return Ok(ConeStatus::Interrupted);
+                return Ok(Status::Interrupted);
             }
             if self.weight > 0.0 && merit.max(mu) <= LOOSE * first {
-                return Ok(ConeStatus::Solved);
+                return Ok(Status::Solved);
             }
             if self.weight == 0.0 && merit <= next_tail {
                 next_tail = TAIL * merit;
                 match self.tail()? {
-                    Some(ControlFlow::Continue(())) => return Ok(ConeStatus::Solved),
-                    Some(ControlFlow::Break(())) => return Ok(ConeStatus::Interrupted),
+                    Some(ControlFlow::Continue(())) => return Ok(Status::Solved),
+                    Some(ControlFlow::Break(())) => return Ok(Status::Interrupted),
                     None => {}
                 }
             }
@@ -402,7 +415,7 @@ impl<'a> Run<'a> {
                 false => None,
             };
             let Some(length) = step else {
-                return Ok(self.exhausted().unwrap_or(ConeStatus::Stalled));
+                return Ok(self.exhausted().unwrap_or(Status::Stalled));
             };
             damping = length;
             // A smaller μ as soon as its equations are nearly met.
@@ -411,7 +424,7 @@ impl<'a> Run<'a> {
                 merit = self.map(Map::Smoothed(mu), false);
             }
         }
-        Ok(ConeStatus::IterationLimit)
+        Ok(Status::IterationLimit)
     }
 
     /// A step that reduces ‖Φ_μ‖, by line search along Newton directions with more and more regularisation; returns its length.

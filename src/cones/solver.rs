@@ -4,9 +4,10 @@ use std::ops::ControlFlow;
 use super::equations::check_memory;
 use super::ray::{Search, ray};
 use super::run::{Run, between};
-use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay, ConeReport, ConeStatus};
+use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay, ConeReport};
 use crate::clock::Deadline;
 use crate::complementarity::{AffineFunction, McpFunction};
+use crate::run::Status;
 use crate::sparse::{Matrix, Pattern, dot, norm};
 
 /// Semismooth Newton method for cone problems.
@@ -72,7 +73,7 @@ impl ConeSolver {
         report.error = run.least;
         let mut room = vec![0.0; x.len()];
         report.residual = problem.natural_residual(x, &mut room)?;
-        let sought = matches!(report.status, ConeStatus::Stalled | ConeStatus::IterationLimit);
+        let sought = matches!(report.status, Status::Stalled | Status::IterationLimit);
         if sought && problem.function().is_affine() {
             let mut stopped = false;
             let mut tell = |_: &ConeIteration| {
@@ -96,9 +97,9 @@ impl ConeSolver {
                 _ => None,
             };
             if report.ray.is_some() {
-                report.status = ConeStatus::NoSolution;
+                report.status = Status::NoSolution;
             } else if stopped {
-                report.status = ConeStatus::Interrupted;
+                report.status = Status::Interrupted;
             }
         }
         report.evaluations = counted.evaluations.get();

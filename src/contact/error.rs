@@ -3,8 +3,9 @@ use thiserror::Error;
 use crate::Cause;
 use crate::interface::{InterfaceError, LENGTH};
 use crate::linear::LinearError;
-use crate::newton::{Failure, NewtonError};
+use crate::newton::NewtonError;
 use crate::piecewise::PiecewiseError;
+use crate::run::Status;
 use crate::sparse::SparseError;
 
 /// What can be wrong with a contact problem.
@@ -345,7 +346,10 @@ impl ContactError {
         let Self::NoStart { source, .. } = self else {
             return false;
         };
-        matches!(&**source, NewtonError::Failed(unsolved) if unsolved.reason == Failure::Interrupted)
+        matches!(
+            &**source,
+            NewtonError::Failed(unsolved) if matches!(unsolved.status, Status::Interrupted | Status::TimeLimit)
+        )
     }
 }
 

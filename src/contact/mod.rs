@@ -32,7 +32,7 @@ pub use body::ContactBody;
 pub use delassus::read_delassus;
 pub use delassus::{
     DelassusError, DelassusIteration, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport,
-    DelassusSolver, DelassusStatus,
+    DelassusSolver,
 };
 pub use displacements::{
     KrylovObserver, KrylovOutcome, ReducedBody, ReducedContact, ReducedError, ReducedIteration, ReducedLevel,

@@ -5,6 +5,7 @@ use std::fmt;
 
 use super::gmres::{Gmres, GmresEnd};
 use super::{LinearError, LinearOperator};
+use crate::run::Status;
 use crate::sparse::{distance, dot, norm};
 
 /// Which Krylov method.
@@ -28,21 +29,6 @@ pub enum KrylovMethod {
     },
 }
 
-/// How a Krylov method ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum KrylovEnd {
-    /// The residual fell by the requested factor.
-    Converged,
-    /// The limit on iterations was reached.
-    IterationLimit,
-    /// A cycle of GMRES between restarts made no progress.
-    Stagnation,
-    /// The method cannot go on: A (for CG) or the preconditioner (for CG and MINRES) is not positive definite, or A is singular.
-    Breakdown,
-}
-
 /// Report on a solve by a Krylov method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -52,32 +38,22 @@ pub struct KrylovReport {
     pub iterations: usize,
     /// ‖b − A x‖₂ / ‖b‖₂, measured at the x returned; 0 for b = 0.
     pub residual: f64,
-    /// How it ended.
-    pub end: KrylovEnd,
+    /// How it ended: [`Singular`](Status::Singular) also where A (for CG) or the preconditioner (for CG and MINRES) is not positive
+    /// definite, [`Stalled`](Status::Stalled) where a cycle of GMRES between restarts made no progress.
+    pub status: Status,
 }
 
 impl KrylovReport {
     /// Whether the residual fell by the requested factor.
     #[must_use]
-    pub fn is_converged(&self) -> bool {
-        self.end == KrylovEnd::Converged
-    }
-}
-
-impl fmt::Display for KrylovEnd {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Converged => "converged",
-            Self::IterationLimit => "limit on iterations",
-            Self::Stagnation => "no progress between restarts",
-            Self::Breakdown => "breakdown",
-        })
+    pub fn is_solved(&self) -> bool {
+        self.status.is_solved()
     }
 }
 
 impl fmt::Display for KrylovReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        crate::words::ended(f, &self.end, self.iterations, self.residual)
+        crate::words::ended(f, &self.status, self.iterations, self.residual)
     }
 }
 
@@ -103,7 +79,7 @@ impl fmt::Display for KrylovReport {
 /// let mut x = vec![1.0; m * m];
 /// let with = cg.solve(&mut Preconditioned::new(&a, &mut multigrid), &mut x, 1e-10)?;
 /// let without = cg.solve(&mut a, &mut vec![1.0; m * m], 1e-10)?;
-/// assert!(with.is_converged() && without.is_converged());
+/// assert!(with.is_solved() && without.is_solved());
 /// assert!(2 * with.iterations < without.iterations);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -204,7 +180,7 @@ impl Krylov {
             return Ok(KrylovReport {
                 iterations: 0,
                 residual: 0.0,
-                end: KrylovEnd::Converged,
+                status: Status::Solved,
             });
         }
         // Squares of numbers far from 1 would overflow or underflow.
@@ -247,7 +223,7 @@ impl Krylov {
             let end = match result {
                 Ok(report) => {
                     iterations += report.iterations;
-                    report.end
+                    report.status
                 }
                 Err(e) => {
                     b.iter_mut().zip(&self.x).for_each(|(b, x)| *b = x + left * *b);
@@ -271,25 +247,21 @@ impl Krylov {
                 return Ok(KrylovReport {
                     iterations,
                     residual: left,
-                    end: match end {
-                        KrylovEnd::Converged => KrylovEnd::Stagnation,
+                    status: match end {
+                        Status::Solved => Status::Stalled,
                         end => end,
                     },
                 });
             }
             let stagnates = found > 0.5 * left;
-            if found <= tolerance
-                || end != KrylovEnd::Converged
-                || stagnates
-                || iterations == self.max_iterations
-            {
+            if found <= tolerance || end != Status::Solved || stagnates || iterations == self.max_iterations {
                 return Ok(KrylovReport {
                     iterations,
                     residual: found,
-                    end: match end {
-                        _ if found <= tolerance => KrylovEnd::Converged,
-                        KrylovEnd::Converged if stagnates => KrylovEnd::Stagnation,
-                        KrylovEnd::Converged => KrylovEnd::IterationLimit,
+                    status: match end {
+                        _ if found <= tolerance => Status::Solved,
+                        Status::Solved if stagnates => Status::Stalled,
+                        Status::Solved => Status::IterationLimit,
                         end => end,
                     },
                 });
@@ -321,16 +293,16 @@ impl Krylov {
             LinearError::Inaccurate { residual } if !residual.is_finite() => NOT_FINITE_PRODUCT,
             e => e,
         })?;
-        let end = match outcome.end {
-            _ if outcome.residual <= tolerance => KrylovEnd::Converged,
-            GmresEnd::Limit => KrylovEnd::IterationLimit,
-            GmresEnd::Stagnation => KrylovEnd::Stagnation,
-            GmresEnd::Breakdown => KrylovEnd::Breakdown,
+        let status = match outcome.end {
+            _ if outcome.residual <= tolerance => Status::Solved,
+            GmresEnd::Limit => Status::IterationLimit,
+            GmresEnd::Stagnation => Status::Stalled,
+            GmresEnd::Breakdown => Status::Singular,
         };
         Ok(KrylovReport {
             iterations: outcome.iterations,
             residual: outcome.residual,
-            end,
+            status,
         })
     }
 
@@ -356,7 +328,7 @@ impl Krylov {
             a.precondition(z)?;
             let next = finite(dot(r, z))?;
             if next <= 0.0 {
-                return Ok(report.ended(KrylovEnd::Breakdown));
+                return Ok(report.ended(Status::Singular));
             }
             let beta = if report.iterations == 0 { 0.0 } else { next / rho };
             rho = next;
@@ -366,7 +338,7 @@ impl Krylov {
             a.product(p, q);
             let curvature = finite(dot(p, q))?;
             if curvature <= 0.0 {
-                return Ok(report.ended(KrylovEnd::Breakdown));
+                return Ok(report.ended(Status::Singular));
             }
             let alpha = rho / curvature;
             add(x, alpha, p);
@@ -398,7 +370,7 @@ impl Krylov {
         a.precondition(z)?;
         let square = finite(dot(z, v))?;
         if square <= 0.0 {
-            return Ok(report.ended(KrylovEnd::Breakdown));
+            return Ok(report.ended(Status::Singular));
         }
         let (mut gamma, mut gamma_before) = (square.sqrt(), 1.0);
         let mut eta = gamma;
@@ -417,14 +389,14 @@ impl Krylov {
             // Rounding apart, 0 means that the residual vanishes.
             let done = square <= (f64::EPSILON * gamma).powi(2);
             if square < 0.0 && -square > 1e-12 * norm(next_z) * norm(q) {
-                return Ok(report.ended(KrylovEnd::Breakdown));
+                return Ok(report.ended(Status::Singular));
             }
             let next = if done { 0.0 } else { square.sqrt() };
             let diagonal = c * delta - c_before * s * gamma;
             let length = diagonal.hypot(next);
             largest = largest.max(delta.abs()).max(next);
             if length <= 4.0 * f64::EPSILON * largest {
-                return Ok(report.ended(KrylovEnd::Breakdown));
+                return Ok(report.ended(Status::Singular));
             }
             let (above, far) = (s * delta + c_before * c * gamma, s_before * gamma);
             (c_before, c) = (c, diagonal / length);
@@ -445,7 +417,7 @@ impl Krylov {
             (gamma_before, gamma) = (gamma, next);
             report.step(norm(r));
             if done && report.goes_on() {
-                return Ok(report.ended(KrylovEnd::Breakdown));
+                return Ok(report.ended(Status::Singular));
             }
         }
         Ok(report.limit())
@@ -500,18 +472,18 @@ impl Progress {
         self.residual = residual;
     }
 
-    fn ended(&self, end: KrylovEnd) -> KrylovReport {
+    fn ended(&self, status: Status) -> KrylovReport {
         KrylovReport {
             iterations: self.iterations,
             residual: self.residual,
-            end,
+            status,
         }
     }
 
     fn limit(&self) -> KrylovReport {
         self.ended(match self.residual <= self.tolerance {
-            true => KrylovEnd::Converged,
-            false => KrylovEnd::IterationLimit,
+            true => Status::Solved,
+            false => Status::IterationLimit,
         })
     }
 }

@@ -48,7 +48,7 @@ pub(crate) use gmres::Gmres;
 pub use incomplete_lu::{IncompleteLu, Preconditioner};
 pub(crate) use kernel::{Decomposition, decompose, least_singular_value};
 pub use kernel::{NullSpace, null_space};
-pub use krylov::{Krylov, KrylovEnd, KrylovMethod, KrylovReport};
+pub use krylov::{Krylov, KrylovMethod, KrylovReport};
 pub(crate) use memory::dense_zeros;
 pub use multigrid::{Multigrid, Prolongation};
 pub(crate) use multigrid::{

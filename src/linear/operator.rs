@@ -18,7 +18,7 @@ use crate::sparse::Matrix;
 /// }
 /// let mut b = [1.0; 9];
 /// let report = Krylov::cg().solve(&mut Differences(9), &mut b, 1e-12)?;
-/// assert!(report.is_converged() && report.iterations <= 9);
+/// assert!(report.is_solved() && report.iterations <= 9);
 /// assert!((b[4] - 12.5).abs() < 1e-10);
 /// # Ok::<(), LinearError>(())
 /// ```

@@ -1,8 +1,9 @@
 use thiserror::Error;
 
-use super::{Failure, Report};
+use super::Report;
 use crate::linear::LinearError;
 use crate::piecewise::PiecewiseError;
+use crate::run::Status;
 use crate::words::Count;
 
 /// What can go wrong in the corrector.
@@ -28,7 +29,7 @@ pub enum NewtonError {
     /// No solution was found. The best iterate and the history are kept.
     #[error(
         "no solution found after {}: {}; best residual {:e}",
-        Count(.0.report.history.len(), "iteration", "iterations"), .0.reason, .0.residual_norm
+        Count(.0.report.history.len(), "iteration", "iterations"), .0.status, .0.residual_norm
     )]
     Failed(Box<Unsolved>),
 }
@@ -38,8 +39,8 @@ pub enum NewtonError {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Unsolved {
-    /// Why it ended.
-    pub reason: Failure,
+    /// How it ended: not [`Solved`](Status::Solved).
+    pub status: Status,
     /// The iterate with the smallest residual.
     pub x: Vec<f64>,
     /// ‖H(x)‖₂ there.

@@ -3,11 +3,10 @@
 use std::ops::ControlFlow;
 
 use super::forcing::Before;
-use super::{
-    Convergence, Damping, Failure, Iteration, NewtonError, NewtonKrylovOptions, Report, Step, Unsolved,
-};
+use super::{Convergence, Damping, Iteration, NewtonError, NewtonKrylovOptions, Report, Step, Unsolved};
 use crate::linear::{Krylov, LinearError};
 use crate::piecewise::{MatrixFree, PiecewiseError, check_vector};
+use crate::run::Status;
 use crate::sparse::{distance, norm as norm2};
 
 /// Full steps in a row that may fail to lower the least residual by a tenth.
@@ -88,7 +87,7 @@ impl NewtonKrylov {
     /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run.
     ///
     /// # Errors
-    /// As [`solve`](Self::solve); a stopped run is [`Failure::Interrupted`].
+    /// As [`solve`](Self::solve); a stopped run is [`Status::Interrupted`].
     pub fn solve_observed(
         &mut self,
         map: &mut dyn MatrixFree,
@@ -135,7 +134,7 @@ impl NewtonKrylov {
             Ok(Err(reason)) => {
                 x.copy_from_slice(&work.best);
                 Err(NewtonError::Failed(Box::new(Unsolved {
-                    reason,
+                    status: reason,
                     x: x.to_vec(),
                     residual_norm: best_norm,
                     report: work.report.clone(),
@@ -171,10 +170,10 @@ struct Taken {
 
 impl Run<'_> {
     /// The outer result is for invalid input, the inner one for the outcome of the iteration.
-    fn go(&mut self, x: &mut [f64]) -> Result<Result<Convergence, Failure>, NewtonError> {
+    fn go(&mut self, x: &mut [f64]) -> Result<Result<Convergence, Status>, NewtonError> {
         let mut norm = self.evaluate(x);
         if !norm.is_finite() {
-            return Ok(Err(Failure::NotFinite));
+            return Ok(Err(Status::evaluation_failure(&self.work.r)));
         }
         let mut full = self.options.damping != Damping::Always;
         let mut before: Option<Before> = None;
@@ -197,12 +196,12 @@ impl Run<'_> {
                 return Ok(self.end(index, norm, Ok(Convergence::Rounding)));
             }
             if index >= self.options.max_iterations {
-                return Ok(self.end(index, norm, Err(Failure::MaxIterations)));
+                return Ok(self.end(index, norm, Err(Status::IterationLimit)));
             }
             let forcing = self.options.forcing.next(self.options, before, norm, goal);
             let tired = full && waited >= PATIENCE && self.options.damping == Damping::OnTrouble;
             let taken = match tired {
-                true => Err(Failure::Stagnation),
+                true => Err(Status::Stalled),
                 false => self.advance(x, norm, forcing, full)?,
             };
             let taken = match taken {
@@ -231,7 +230,7 @@ impl Run<'_> {
             index += 1;
             if flow.is_break() {
                 self.note_best(x, norm);
-                return Ok(Err(Failure::Interrupted));
+                return Ok(Err(Status::Interrupted));
             }
         }
     }
@@ -257,14 +256,14 @@ impl Run<'_> {
         norm: f64,
         forcing: f64,
         full: bool,
-    ) -> Result<Result<Taken, Failure>, NewtonError> {
+    ) -> Result<Result<Taken, Status>, NewtonError> {
         let work = &mut *self.work;
         for (d, r) in work.d.iter_mut().zip(&work.r) {
             *d = -r;
         }
         let report = match self.krylov.solve(self.map, &mut work.d, forcing) {
             Ok(report) => report,
-            Err(LinearError::NotFinite { .. }) => return Ok(Err(Failure::NotFinite)),
+            Err(LinearError::NotFinite { .. }) => return Ok(Err(self.not_finite())),
             Err(e) => return Err(e.into()),
         };
         let model = report.residual.min(1.0);
@@ -290,12 +289,22 @@ impl Run<'_> {
             (taken.step, taken.length, taken.model) = (Step::Gradient, length, 1.0);
             return Ok(Ok(taken));
         }
-        Ok(Err(match report.is_converged() {
-            true => Failure::Stagnation,
-            false => Failure::Linear {
+        Ok(Err(match report.is_solved() {
+            true => Status::Stalled,
+            false => Status::Linear {
                 residual: report.residual,
             },
         }))
+    }
+
+    /// Why a product is not finite: a row of the derivative, or else the preconditioner.
+    fn not_finite(&mut self) -> Status {
+        let work = &mut *self.work;
+        self.map.product(&work.r, &mut work.product);
+        match work.product.iter().all(|v| v.is_finite()) {
+            true => Status::Inaccurate,
+            false => Status::evaluation_failure(&work.product),
+        }
     }
 
     /// ‖G x‖ + ‖G x − H(x)‖: what cancels in H(x).
@@ -369,8 +378,8 @@ impl Run<'_> {
         &mut self,
         index: usize,
         norm: f64,
-        outcome: Result<Convergence, Failure>,
-    ) -> Result<Convergence, Failure> {
+        outcome: Result<Convergence, Status>,
+    ) -> Result<Convergence, Status> {
         let none = Taken {
             step: Step::None,
             length: 0.0,

@@ -3,9 +3,10 @@ use std::ops::ControlFlow;
 use super::convergence::{Scratch, Small, is_small, row_sizes};
 use super::system::{Evaluation, System};
 use super::workspace::Workspace;
-use super::{Convergence, Damping, Failure, Iteration, NewtonError, NewtonOptions, Step, Unsolved};
+use super::{Convergence, Damping, Iteration, NewtonError, NewtonOptions, Step, Unsolved};
 use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::PiecewiseError;
+use crate::run::Status;
 use crate::sparse::Matrix;
 use crate::sparse::norm as norm2;
 
@@ -58,7 +59,7 @@ pub(super) fn iterate(
     };
     let outcome = match run.go(&mut jac, x) {
         Ok(Ok(convergence)) => Ok(match run.hidden_row(&jac, x) {
-            Some(row) => Err(Failure::FarOut { row }),
+            Some(row) => Err(Status::FarOut { row }),
             None => Ok(convergence),
         }),
         other => other,
@@ -72,7 +73,7 @@ pub(super) fn iterate(
                 x.copy_from_slice(&work.best);
             }
             Err(NewtonError::Failed(Box::new(Unsolved {
-                reason,
+                status: reason,
                 x: x.to_vec(),
                 residual_norm: best_norm,
                 report: work.report.clone(),
@@ -99,11 +100,11 @@ pub(super) struct Run<'a> {
 
 impl Run<'_> {
     /// The outer result is for invalid input, the inner one for the outcome of the iteration.
-    fn go(&mut self, jac: &mut Matrix, x: &mut [f64]) -> Result<Result<Convergence, Failure>, NewtonError> {
+    fn go(&mut self, jac: &mut Matrix, x: &mut [f64]) -> Result<Result<Convergence, Status>, NewtonError> {
         let mut evaluation = self.enter(x);
         let mut norm = norm2(&self.work.r);
         if !norm.is_finite() {
-            return Ok(Err(Failure::NotFinite));
+            return Ok(Err(Status::evaluation_failure(&self.work.r)));
         }
         let mut previous_norm = f64::INFINITY;
         let mut why = None;
@@ -122,18 +123,12 @@ impl Run<'_> {
                 return Ok(Ok(convergence));
             }
             if index >= self.options.max_iterations {
-                return Ok(self.give_up(
-                    jac,
-                    x,
-                    index,
-                    norm,
-                    evaluation,
-                    why.unwrap_or(Failure::MaxIterations),
-                ));
+                let reason = why.unwrap_or(Status::IterationLimit);
+                return Ok(self.give_up(jac, x, index, norm, evaluation, reason));
             }
             let cycles = self.cycles(norm);
             if self.mode == Mode::LeastIndex && cycles {
-                return Ok(self.give_up(jac, x, index, norm, evaluation, why.unwrap_or(Failure::Cycling)));
+                return Ok(self.give_up(jac, x, index, norm, evaluation, why.unwrap_or(Status::Cycling)));
             }
             // Growth of ‖H‖ alone is no sign of trouble: it depends on the units of rows, and new pieces may raise it at first.
             if cycles && self.options.damping == Damping::OnTrouble && self.mode == Mode::Full {
@@ -147,7 +142,10 @@ impl Run<'_> {
             let mut step = match self.newton_direction(jac) {
                 Ok(step) => step,
                 Err(LinearError::NotFinite { .. }) => {
-                    return Ok(self.give_up(jac, x, index, norm, evaluation, Failure::NotFinite));
+                    let rows = jac.triplets().filter(|(.., v)| !v.is_finite()).map(|(i, ..)| i);
+                    let component = rows.min().unwrap_or(0);
+                    let reason = Status::EvaluationFailure { component };
+                    return Ok(self.give_up(jac, x, index, norm, evaluation, reason));
                 }
                 Err(e) => return Err(e.into()),
             };
@@ -166,14 +164,14 @@ impl Run<'_> {
             let stuck = self.mode == Mode::LineSearch
                 && patience.is_over(self.merit(&self.work.r), evaluation.changed);
             let next = match stuck {
-                true => Err(Failure::Stagnation),
+                true => Err(Status::Stalled),
                 false => self.advance(jac, x, &mut step),
             };
             let next = match next {
                 Ok(next) => next,
                 Err(reason) => {
                     let last_resort = self.options.damping != Damping::Never && self.mode < Mode::LeastIndex;
-                    if reason == Failure::Stagnation && !stuck && self.is_rounding(jac, x) {
+                    if reason == Status::Stalled && !stuck && self.is_rounding(jac, x) {
                         self.record_last(index, self.best_norm, evaluation);
                         return Ok(Ok(Convergence::Rounding));
                     }
@@ -182,7 +180,7 @@ impl Run<'_> {
                         return Ok(self.give_up(jac, x, index, norm, evaluation, reason));
                     }
                     // A stationary point is a more useful diagnosis than the failure of the least-index rule.
-                    why = matches!(reason, Failure::Stationary { .. }).then_some(reason);
+                    why = matches!(reason, Status::Stationary { .. }).then_some(reason);
                     self.mode = Mode::LeastIndex;
                     self.work.visited.clear();
                     (evaluation, norm) = self.back_to_best(x);
@@ -209,7 +207,7 @@ impl Run<'_> {
                     self.best_norm = natural_norm;
                     self.work.best.copy_from_slice(x);
                 }
-                return Ok(Err(Failure::Interrupted));
+                return Ok(Err(Status::Interrupted));
             }
         }
     }
@@ -483,9 +481,9 @@ impl Run<'_> {
         index: usize,
         norm: f64,
         evaluation: Evaluation,
-        reason: Failure,
-    ) -> Result<Convergence, Failure> {
-        if reason != Failure::NotFinite && self.is_rounding(jac, x) {
+        reason: Status,
+    ) -> Result<Convergence, Status> {
+        if !matches!(reason, Status::EvaluationFailure { .. }) && self.is_rounding(jac, x) {
             self.record_last(index, self.best_norm, evaluation);
             return Ok(Convergence::Rounding);
         }

@@ -23,6 +23,6 @@ pub use forcing::{Forcing, NewtonKrylovOptions};
 pub use inexact::NewtonKrylov;
 pub use moore_penrose::{Correction, MoorePenrose};
 pub use options::{Damping, NewtonOptions};
-pub use report::{Convergence, Failure, Iteration, Report, Step};
+pub use report::{Convergence, Iteration, Report, Step};
 pub(crate) use report::{Tail, observed_order};
 pub use solver::Newton;

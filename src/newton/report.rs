@@ -44,7 +44,8 @@ pub enum Step {
     None,
 }
 
-/// Why an iteration ended with a solution.
+/// Why an iteration ended with a solution: of both ways, one is not less a solution than the other, unlike
+/// [`Status::AtRounding`](crate::run::Status::AtRounding), which is none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -53,70 +54,6 @@ pub enum Convergence {
     Tolerance,
     /// The residual reached the rounding error of its own evaluation; no further digit can be gained.
     Rounding,
-}
-
-/// Why an iteration ended without a solution.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Failure {
-    /// The limit on iterations was reached.
-    MaxIterations,
-    /// The same selections came back without progress, also under the least-index rule.
-    Cycling,
-    /// No step of acceptable length decreased the residual.
-    Stagnation,
-    /// A stationary point of ½‖H‖² that is no solution.
-    Stationary {
-        /// ‖∇Hᵀ H‖₂ there.
-        gradient_norm: f64,
-    },
-    /// The Jacobian is singular at the last iterate, and neither least-squares steps nor changes of pieces lead on from it.
-    Singular,
-    /// So far out that the rounding of the terms of a row exceeds its constants, at a singular Jacobian: whether a solution is near
-    /// cannot be seen there.
-    FarOut {
-        /// The row.
-        row: usize,
-    },
-    /// The map gave NaN or infinity, also for short steps.
-    NotFinite,
-    /// The observer asked to stop.
-    Interrupted,
-    /// The Krylov method did not get far enough for a step that decreases the residual: a preconditioner is missing, or the derivative is
-    /// singular.
-    Linear {
-        /// ‖H + G d‖₂ / ‖H‖₂ it reached.
-        residual: f64,
-    },
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::MaxIterations => f.write_str("the limit on iterations was reached"),
-            Self::Cycling => f.write_str("the iteration cycles between selections"),
-            Self::Stagnation => f.write_str("no acceptable step decreases the residual"),
-            Self::Stationary { gradient_norm } => {
-                write!(
-                    f,
-                    "a stationary point of the merit function (gradient {}) that is no solution",
-                    Size(*gradient_norm)
-                )
-            }
-            Self::Singular => f.write_str("the Jacobian is singular"),
-            Self::FarOut { row } => write!(
-                f,
-                "equation {row} holds only because rounding of its terms hides its constants this far out; start nearer to the solution"
-            ),
-            Self::NotFinite => f.write_str("the map is not finite along every step tried"),
-            Self::Interrupted => f.write_str("stopped by an observer, or at the limit on time (max_time)"),
-            Self::Linear { residual } => write!(
-                f,
-                "the Krylov method got no further than a relative residual of {residual:e}"
-            ),
-        }
-    }
 }
 
 /// The history of a run.

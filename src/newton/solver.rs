@@ -112,7 +112,7 @@ impl<L: LinearSolver> Newton<L> {
     /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run.
     ///
     /// # Errors
-    /// As [`solve`](Self::solve); a stopped run is [`Failure::Interrupted`](super::Failure::Interrupted).
+    /// As [`solve`](Self::solve); a stopped run is [`Status::Interrupted`](crate::run::Status::Interrupted).
     pub fn solve_observed<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,

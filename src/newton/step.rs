@@ -3,8 +3,9 @@
 use super::convergence::equilibrate;
 use super::iterate::{Mode, Run};
 use super::system::Evaluation;
-use super::{Damping, Failure, Step};
+use super::{Damping, Step};
 use crate::linear::LinearError;
+use crate::run::Status;
 use crate::sparse::Matrix;
 use crate::sparse::norm as norm2;
 
@@ -105,17 +106,16 @@ impl Run<'_> {
     }
 
     /// Finds the next iterate and leaves it in `trial`, its residual in `trial_r`.
-    pub(super) fn advance(&mut self, jac: &Matrix, x: &[f64], step: &mut Step) -> Result<Advance, Failure> {
+    pub(super) fn advance(&mut self, jac: &Matrix, x: &[f64], step: &mut Step) -> Result<Advance, Status> {
         let singular = *step == Step::Gradient;
         let never = self.options.damping == Damping::Never;
         if never || self.mode == Mode::LeastIndex {
             if singular {
-                return Err(Failure::Singular);
+                return Err(Status::Singular);
             }
             let shortest = if never { 1.0 } else { self.options.min_damping };
-            return self
-                .search(x, |_| f64::INFINITY, shortest)
-                .ok_or(Failure::NotFinite);
+            let found = self.search(x, |_| f64::INFINITY, shortest);
+            return found.ok_or_else(|| Status::evaluation_failure(&self.work.trial_r));
         }
         // Steps are shortened here only to return to the domain of H.
         if !singular
@@ -151,11 +151,11 @@ impl Run<'_> {
         }
         let flat = 1e-14 * norm * jac.leading_columns(self.n).norm_1();
         if gradient <= flat {
-            return Err(Failure::Stationary {
+            return Err(Status::Stationary {
                 gradient_norm: gradient,
             });
         }
-        Err(Failure::Stagnation)
+        Err(Status::Stalled)
     }
 
     /// Halves the step until the residual is finite and at most `bound` of the step length.

@@ -23,4 +23,4 @@ pub use polyhedron::Polyhedron;
 pub use problem::{Vi, ViConditions};
 pub use projection::{Infeasibility, Multipliers, Nearest, Projection};
 pub use solutions::ViSolutions;
-pub use solver::{Ray, ViReport, ViSolver, ViStatus};
+pub use solver::{Ray, ViReport, ViSolver};

@@ -2,35 +2,9 @@ use std::ops::ControlFlow;
 
 use super::projection::{Infeasibility, Multipliers, Projection};
 use super::{Polyhedron, VariationalError, Vi};
-use crate::complementarity::{McpFunction, McpIteration, McpOptions, McpReport, McpSolver, McpStatus};
+use crate::complementarity::{McpFunction, McpIteration, McpOptions, McpReport, McpSolver};
+use crate::run::Status;
 use crate::sparse::{Matrix, max_abs};
-
-/// How a solve ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum ViStatus {
-    /// The Karush–Kuhn–Tucker conditions hold at the point returned, by the rule of [`complementarity`](crate::complementarity#accuracy).
-    Solved,
-    /// C is empty, as [`ViReport::infeasibility`] proves within its radius.
-    EmptySet,
-    /// No x in C is a solution, as [`ViReport::ray`] proves within its radius, or (no ray) all active sets of a small affine problem were
-    /// ruled out.
-    NoSolution,
-    /// The solver ended otherwise, with this [`McpStatus`].
-    Unsolved(McpStatus),
-}
-
-impl std::fmt::Display for ViStatus {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Solved => "solved",
-            Self::EmptySet => "empty set",
-            Self::NoSolution => "no solution",
-            Self::Unsolved(status) => status.name(),
-        })
-    }
-}
 
 /// Proof that an affine variational inequality has no solution: a recession direction v of C (A v ≤ 0, E v = 0, vⱼ ≥ 0 where lⱼ is finite,
 /// vⱼ ≤ 0 where uⱼ is finite) with F(x)ᵀv ≤ value < 0 for all x in C, as Mᵀv = Aᵀy + Eᵀw − ρₗ + ρᵤ with y, ρₗ, ρᵤ ≥ 0 and
@@ -53,8 +27,9 @@ pub struct Ray {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ViReport {
-    /// How it ended.
-    pub status: ViStatus,
+    /// How it ended. Of the statuses that claim a proof, [`EmptySet`](Status::EmptySet) is proven by `infeasibility`,
+    /// [`NoSolution`](Status::NoSolution) by `ray` or, where there is none, by ruling out all active sets of a small affine problem.
+    pub status: Status,
     /// ‖x − P(x − F(x))‖_∞ with the projection P on C, measured at the point returned; NaN where F is, or where the projection fails by
     /// rounding.
     pub residual: f64,
@@ -75,7 +50,7 @@ impl ViReport {
     /// Whether the problem is solved.
     #[must_use]
     pub fn is_solved(&self) -> bool {
-        self.status == ViStatus::Solved
+        self.status.is_solved()
     }
 }
 
@@ -149,7 +124,7 @@ impl ViSolver {
     ) -> Result<ViReport, VariationalError> {
         let set = problem.set();
         let mut report = ViReport {
-            status: ViStatus::EmptySet,
+            status: Status::EmptySet,
             residual: f64::NAN,
             multipliers: Multipliers::default(),
             within_rounding: false,
@@ -173,11 +148,7 @@ impl ViSolver {
         z.resize(conditions.len(), 0.0);
         report.mcp = self.mcp.solve_observed(&conditions, &mut z, observe)?.clone();
         x.copy_from_slice(&z[..n]);
-        report.status = match report.mcp.status {
-            McpStatus::Solved => ViStatus::Solved,
-            McpStatus::Infeasible => ViStatus::NoSolution,
-            status => ViStatus::Unsolved(status),
-        };
+        report.status = report.mcp.status;
         let mut f = vec![0.0; conditions.len()];
         conditions.function().value(&z, &mut f);
         let m = set.num_inequalities();
@@ -201,14 +172,14 @@ impl ViSolver {
             Ok(residual) => report.residual = residual,
             Err(certificate) => {
                 // Projected from another point, the contradiction exceeds rounding.
-                report.status = ViStatus::EmptySet;
+                report.status = Status::EmptySet;
                 report.infeasibility = Some(certificate);
                 return Ok(report);
             }
         }
         let ended = matches!(
             report.status,
-            ViStatus::Solved | ViStatus::Unsolved(McpStatus::Interrupted | McpStatus::TimeLimit)
+            Status::Solved | Status::Interrupted | Status::TimeLimit
         );
         if !ended && problem.function().is_affine() {
             let mut matrix = Matrix::zeros(problem.function().pattern());
@@ -217,7 +188,7 @@ impl ViSolver {
             problem.function().value(&vec![0.0; n], &mut q);
             report.ray = ray(set, &matrix, &q)?;
             if report.ray.is_some() {
-                report.status = ViStatus::NoSolution;
+                report.status = Status::NoSolution;
             }
         }
         Ok(report)

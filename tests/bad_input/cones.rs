@@ -1,8 +1,9 @@
 use std::ops::ControlFlow;
 
 use semismooth::complementarity::{AffineFunction, WithJacobian};
-use semismooth::cones::{Cone, ConeMap, ConeOptions, ConeProblem, ConeSolver, ConeStatus, smat, svec};
+use semismooth::cones::{Cone, ConeMap, ConeOptions, ConeProblem, ConeSolver, smat, svec};
 use semismooth::piecewise::Semismooth;
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 use super::complementarity::Shape;
@@ -165,7 +166,8 @@ fn functions(t: &mut Table) {
                     let mut projected = x;
                     problem.project(&mut projected).unwrap();
                     let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
-                    x == projected && report.status == ConeStatus::EvaluationFailure
+                    let component = usize::from(in_value);
+                    x == projected && report.status == Status::EvaluationFailure { component }
                 });
             }
         }

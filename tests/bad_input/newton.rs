@@ -2,10 +2,10 @@ use std::ops::ControlFlow;
 
 use semismooth::linear::{AutoSolver, DenseLu, KrylovMethod, LinearError, LinearOperator};
 use semismooth::newton::{
-    Damping, Failure, Forcing, MoorePenrose, Newton, NewtonError, NewtonKrylov, NewtonKrylovOptions,
-    NewtonOptions,
+    Damping, Forcing, MoorePenrose, Newton, NewtonError, NewtonKrylov, NewtonKrylovOptions, NewtonOptions,
 };
 use semismooth::piecewise::{MatrixFree, MinMap, PiecewiseSmooth, RegularityOptions, Selection, Semismooth};
+use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 
 use super::piecewise::{no_numbers, square, vee};
@@ -241,7 +241,7 @@ fn correctors() {
                             unsolved.x.iter().all(|v| v.is_finite())
                                 && unsolved.x.len() == 1
                                 && (!unsolved.report.history.is_empty()
-                                    || matches!(unsolved.reason, Failure::NotFinite))
+                                    || matches!(unsolved.status, Status::EvaluationFailure { .. }))
                         }
                         _ => false,
                     }

@@ -1,9 +1,10 @@
 use std::ops::ControlFlow;
 
-use semismooth::complementarity::{AffineFunction, McpFunction, McpStatus, WithJacobian};
+use semismooth::complementarity::{AffineFunction, McpFunction, WithJacobian};
 use semismooth::enumeration::EnumerationOptions;
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
-use semismooth::variational::{Polyhedron, Projection, Vi, ViSolver, ViStatus};
+use semismooth::variational::{Polyhedron, Projection, Vi, ViSolver};
 
 use super::complementarity::Shape;
 use super::table::{BAD, Table, rows};
@@ -151,7 +152,7 @@ fn empty_sets(t: &mut Table) {
         || {
             let vi = Vi::new(affine(2), nowhere.clone()).unwrap();
             let report = ViSolver::default().solve(&vi, &mut [0.5; 2]).unwrap();
-            report.status == ViStatus::EmptySet && report.infeasibility.is_some_and(|c| c.radius == INF)
+            report.status == Status::EmptySet && report.infeasibility.is_some_and(|c| c.radius == INF)
         },
     );
     t.holds(
@@ -246,7 +247,7 @@ fn solver(t: &mut Table) {
                 let vi = Vi::new(curved(Some(bad)), set()).unwrap();
                 let mut x = [3.0, -1.0];
                 let report = ViSolver::default().solve(&vi, &mut x).unwrap();
-                let told = report.status == ViStatus::Unsolved(McpStatus::EvaluationFailure { component: 0 });
+                let told = report.status == Status::EvaluationFailure { component: 0 };
                 told && report.residual.is_nan() && set().violation(&x).unwrap() < 1e-12
             },
         );
@@ -260,7 +261,7 @@ fn solver(t: &mut Table) {
             let vi = Vi::new(flat, Polyhedron::space(2).unwrap()).unwrap();
             let report = ViSolver::default().solve(&vi, &mut [0.5; 2]).unwrap();
             let ray = report.ray.unwrap();
-            report.status == ViStatus::NoSolution && ray.direction[0] > 0.0 && ray.value < 0.0
+            report.status == Status::NoSolution && ray.direction[0] > 0.0 && ray.value < 0.0
         },
     );
     t.holds(entry, "without slope, the best vertex is found", || {

@@ -12,7 +12,8 @@ use std::ops::ControlFlow;
 use proptest::prelude::*;
 use random::Random;
 use semismooth::complementarity::{AffineFunction, McpFunction, WithJacobian};
-use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver, ConeStatus, ConeStrategy};
+use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver, ConeStrategy};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 fn norm(v: &[f64]) -> f64 {
@@ -135,10 +136,10 @@ fn limits_and_observers_stop_the_run() {
     let report = ConeSolver::default()
         .solve_observed(&problem, &mut x, stop)
         .unwrap();
-    assert_eq!((report.status, seen), (ConeStatus::Interrupted, 1));
+    assert_eq!((report.status, seen), (Status::Interrupted, 1));
     let options = ConeOptions::default().with_max_time(Some(std::time::Duration::ZERO));
     let report = ConeSolver::new(options).solve(&problem, &mut x).unwrap();
-    assert_eq!(report.status, ConeStatus::TimeLimit);
+    assert_eq!(report.status, Status::TimeLimit);
     // A problem without solution, so that all methods and starts are tried.
     let matrix = Matrix::from_rows(&[[-2.0, 1.0, 0.0], [1.0, 1.0, -2.0], [0.0, 2.0, -1.0]]).unwrap();
     let function = AffineFunction::new(matrix, vec![-3.0, 1.0, 2.0]).unwrap();
@@ -153,7 +154,7 @@ fn limits_and_observers_stop_the_run() {
         );
         assert!(matches!(
             report.status,
-            ConeStatus::IterationLimit | ConeStatus::NoSolution
+            Status::IterationLimit | Status::NoSolution
         ));
     }
 }
@@ -188,8 +189,8 @@ fn observers_are_called_between_iterates() {
         });
         let report = report.unwrap();
         // What has been found by then may be the proof.
-        let proven = report.status == ConeStatus::NoSolution && report.ray.is_some();
-        assert!(proven || report.status == ConeStatus::Interrupted, "{report}");
+        let proven = report.status == Status::NoSolution && report.ray.is_some();
+        assert!(proven || report.status == Status::Interrupted, "{report}");
         assert_eq!(between, 1);
         assert!(report.history.iter().all(|now| now.merit.is_finite()));
     }
@@ -199,11 +200,11 @@ fn observers_are_called_between_iterates() {
 #[test]
 fn functions_that_are_singular_everywhere() {
     for (q, status) in [
-        ([0.0, 0.0, 0.0], ConeStatus::Solved),
-        ([2.0, 1.0, 0.0], ConeStatus::Solved),
-        ([1.0, 0.6, -0.8], ConeStatus::Solved),
-        ([0.5, 0.6, -0.8], ConeStatus::NoSolution),
-        ([-1.0, 0.0, 0.0], ConeStatus::NoSolution),
+        ([0.0, 0.0, 0.0], Status::Solved),
+        ([2.0, 1.0, 0.0], Status::Solved),
+        ([1.0, 0.6, -0.8], Status::Solved),
+        ([0.5, 0.6, -0.8], Status::NoSolution),
+        ([-1.0, 0.0, 0.0], Status::NoSolution),
     ] {
         for start in [[0.0; 3], [3.0, 1.0, -2.0], [-1e6, 2e6, 0.0]] {
             let function =
@@ -246,7 +247,7 @@ fn functions_with_a_domain() {
     }
     let mut x = [60.0, 0.0, 0.0];
     let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
-    assert_eq!(report.status, ConeStatus::EvaluationFailure);
+    assert_eq!(report.status, Status::EvaluationFailure { component: 0 });
     assert_eq!(x[1..], [0.0, 0.0]);
 }
 
@@ -394,6 +395,6 @@ fn strategies_alone_agree() {
             assert!(report.history.iter().all(|i| i.mu == 0.0));
         }
         let (report, _) = solve(unsuited);
-        assert_eq!((report.status, report.iterations), (ConeStatus::Stalled, 0));
+        assert_eq!((report.status, report.iterations), (Status::Stalled, 0));
     }
 }

@@ -3,7 +3,8 @@
 use super::random::Random;
 use super::{monotone_of, norm};
 use semismooth::complementarity::AffineFunction;
-use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver, ConeStatus, smat, svec};
+use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver, smat, svec};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 /// Matrices of order two are the second-order cone in three variables, ((a + b)/√2, (a − b)/√2, √2 c): both solvers find one solution.
@@ -147,7 +148,7 @@ fn semidefinite_programs_without_points() {
     let problem = program(2, &[1.0, 0.0, 1.0], &[(unit_matrix(2, 0, 0), -1.0)]);
     let mut x = vec![0.0; problem.len()];
     let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
-    assert_eq!(report.status, ConeStatus::NoSolution);
+    assert_eq!(report.status, Status::NoSolution);
     let ray = report.ray.unwrap();
     // v = (y, X): y X₁₁ = 1, and −Mᵀv in K*.
     assert!((ray.value + 1.0).abs() < 1e-9 && ray.radius > 1e12, "{ray:?}");

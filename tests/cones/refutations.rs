@@ -1,7 +1,8 @@
 //! Proofs that there is no solution, in all units; and residuals that vanish at infinity only.
 
 use semismooth::complementarity::AffineFunction;
-use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver, ConeStatus};
+use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 use crate::norm;
@@ -17,7 +18,7 @@ fn infeasible_problems_are_refuted() {
     let problem = ConeProblem::new(function, vec![Cone::SecondOrder(3)]).unwrap();
     let mut x = [1.0, 0.0, 0.0];
     let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
-    assert_eq!(report.status, ConeStatus::NoSolution);
+    assert_eq!(report.status, Status::NoSolution);
     let ray = report.ray.unwrap();
     let v = &ray.direction;
     assert!(v[0] >= norm(&v[1..]) - 1e-14);
@@ -64,7 +65,7 @@ fn residuals_that_vanish_at_infinity_are_no_solutions() {
         let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
         assert_eq!(
             report.status,
-            ConeStatus::NoSolution,
+            Status::NoSolution,
             "{scale}: {x:?} {:e}",
             report.error
         );
@@ -92,7 +93,7 @@ fn other_blocks_do_not_hide_what_vanishes_at_infinity() {
             let mut x = [scale, scale, 0.0, own];
             let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
             let told = (own, scale, x, report.error);
-            assert_eq!(report.status, ConeStatus::NoSolution, "{told:?}");
+            assert_eq!(report.status, Status::NoSolution, "{told:?}");
             let v = report.ray.unwrap().direction;
             assert!((v[0] - v[1]).abs() < 1e-9 && v[3] == 0.0, "{v:?}");
         }
@@ -137,7 +138,7 @@ fn solvable_problems_are_not_refuted_in_any_units() {
         let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
         assert_ne!(
             report.status,
-            ConeStatus::NoSolution,
+            Status::NoSolution,
             "{of_x:?} {of_f:?}: {:?}",
             report.ray
         );
@@ -159,7 +160,7 @@ fn infeasible_problems_are_refuted_in_any_units() {
         let report = ConeSolver::default()
             .solve(&problem, &mut [1.0 / x, 1.0])
             .unwrap();
-        assert_eq!(report.status, ConeStatus::NoSolution, "{x:e} {f:e}");
+        assert_eq!(report.status, Status::NoSolution, "{x:e} {f:e}");
         assert!(report.ray.unwrap().radius > 1e12, "{x:e} {f:e}");
     }
 }
@@ -213,7 +214,7 @@ fn strongly_infeasible_programs_are_refuted() {
             let problem = ConeProblem::new(function, cones).unwrap();
             let mut x = vec![0.0; n + rows];
             let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
-            assert_eq!(report.status, ConeStatus::NoSolution, "{sizes:?} {k}: {report:?}");
+            assert_eq!(report.status, Status::NoSolution, "{sizes:?} {k}: {report:?}");
             let v = &report.ray.as_ref().unwrap().direction;
             let value: f64 = q.iter().zip(v).map(|(q, v)| q * v).sum();
             let back = |j: usize| -(0..n + rows).map(|i| m[i][j] * v[i]).sum::<f64>();
@@ -261,7 +262,7 @@ fn points_far_out_solve_no_contradiction() {
             let mut x = vec![start; n];
             let options = ConeOptions::default().with_restarts(0).with_max_iterations(400);
             let report = ConeSolver::new(options).solve(&problem, &mut x).unwrap();
-            assert_ne!(report.status, ConeStatus::Solved, "{start:e}: {x:?}");
+            assert_ne!(report.status, Status::Solved, "{start:e}: {x:?}");
         }
     }
 }
@@ -277,7 +278,7 @@ fn what_has_a_solution_is_not_refuted() {
         let problem = ConeProblem::new(function, vec![Cone::SecondOrder(2)]).unwrap();
         let mut x = [0.0; 2];
         let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
-        let is_claimed = report.status == ConeStatus::NoSolution;
+        let is_claimed = report.status == Status::NoSolution;
         assert!(!is_claimed, "{d:e} {x:?} {:?}", report.ray);
     }
 }

@@ -15,7 +15,8 @@ use semismooth::contact::{
     ContactStrategy, FrictionCoefficient, FrictionCurve, Frictionless, FullContact, GivenBound, LoadPath,
     NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
 };
-use semismooth::newton::{Failure, NewtonError, NewtonOptions};
+use semismooth::newton::{NewtonError, NewtonOptions};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 /// Largest violation of equilibrium, Signorini's conditions, the cone of friction and maximal dissipation, relative to the largest force
@@ -340,7 +341,7 @@ fn failures_leave_the_best_iterate() {
         seen += 1;
         ControlFlow::Break(())
     });
-    assert_eq!(failed(stopped.unwrap_err()).reason, Failure::Interrupted);
+    assert_eq!(failed(stopped.unwrap_err()).status, Status::Interrupted);
     assert_eq!(seen, 1);
 }
 

@@ -1,6 +1,7 @@
 //! Problems whose order is beyond dense and plain sparse factorisations in the interior-point phase.
 
-use semismooth::contact::{DelassusPhase, DelassusProblem, DelassusStatus};
+use semismooth::contact::{DelassusPhase, DelassusProblem};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 use super::random::Random;
@@ -126,7 +127,7 @@ fn constructed_problems_of_many_contacts_are_solved() {
             .zip(&known)
             .map(|(a, b)| (a - b).abs())
             .fold(0.0, f64::max);
-        assert_eq!(report.status, DelassusStatus::Solved, "{name}: {residual:e}");
+        assert_eq!(report.status, Status::Solved, "{name}: {residual:e}");
         assert!(residual < 1.01e-12, "{name}: {residual:e}");
         assert!(off < 1e-9, "{name}: {off:e}");
         assert!(interior.count() > 0, "{name}: sweeps alone solved it");

@@ -13,8 +13,9 @@ use proptest::prelude::*;
 use random::Random;
 use semismooth::contact::{
     ContactState, DelassusError, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport,
-    DelassusSolver, DelassusStatus, read_delassus,
+    DelassusSolver, read_delassus,
 };
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 const TOLERANCE: f64 = 1e-12;
@@ -27,7 +28,7 @@ fn solve(p: &DelassusProblem) -> DelassusReport {
 fn solved(p: &DelassusProblem) -> Result<DelassusReport, String> {
     let report = solve(p);
     let worst = oracle::worst(p, &report.r);
-    if report.status != DelassusStatus::Solved || worst > 1.01 * TOLERANCE {
+    if report.status != Status::Solved || worst > 1.01 * TOLERANCE {
         return Err(format!("{}, residual {worst:e}", report.status));
     }
     // The reported residual is the measured one, above rounding.
@@ -517,7 +518,10 @@ fn no_factorisation_where_none_is_allowed() {
     assert_eq!(solve(&p).factorisations, 1);
     let none = DelassusSolver::new(DelassusOptions::default().with_max_factorisations(0));
     let report = none.solve(&p).unwrap();
-    assert_eq!((report.factorisations, report.status), (0, DelassusStatus::Limit));
+    assert_eq!(
+        (report.factorisations, report.status),
+        (0, Status::IterationLimit)
+    );
 }
 
 #[test]
@@ -735,7 +739,7 @@ fn runs_can_be_stopped() {
             }
         })
         .unwrap();
-    assert_eq!(report.status, DelassusStatus::Interrupted);
+    assert_eq!(report.status, Status::Interrupted);
     assert_eq!(report.history, seen);
     let least = seen.iter().map(|e| e.residual).fold(f64::INFINITY, f64::min);
     assert_eq!(report.residual, least);
@@ -752,11 +756,11 @@ fn runs_can_be_stopped() {
 
     let options = DelassusOptions::default().with_max_factorisations(2);
     let report = DelassusSolver::new(options).solve(&p).unwrap();
-    assert_eq!(report.status, DelassusStatus::Limit);
+    assert_eq!(report.status, Status::IterationLimit);
     assert!(report.factorisations <= 2);
     let options = DelassusOptions::default().with_max_time(Some(std::time::Duration::ZERO));
     let report = DelassusSolver::new(options).solve(&p).unwrap();
-    assert_eq!((report.status, report.iterations()), (DelassusStatus::Limit, 0));
+    assert_eq!((report.status, report.iterations()), (Status::TimeLimit, 0));
     assert_eq!(report.r, zero);
     assert_eq!(solve(&p), solve(&p));
 }
@@ -785,7 +789,7 @@ fn no_velocity_into_the_ground_is_a_solution() {
             .with_max_factorisations(300)
             .with_max_sweeps(300);
         let report = DelassusSolver::new(options).solve(&problem).unwrap();
-        if report.status != DelassusStatus::Solved {
+        if report.status != Status::Solved {
             continue;
         }
         solved += 1;
@@ -827,7 +831,7 @@ fn large_coefficients_do_not_solve_what_has_no_solution() {
                 .with_max_factorisations(300)
                 .with_max_sweeps(300);
             let report = DelassusSolver::new(options).solve(&problem).unwrap();
-            assert_ne!(report.status, DelassusStatus::Solved, "{mu:e}: {:?}", report.r);
+            assert_ne!(report.status, Status::Solved, "{mu:e}: {:?}", report.r);
         }
     }
 }

@@ -11,13 +11,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use semismooth::complementarity::{Mcp, McpFunction, McpOptions, McpSolver};
-use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver, ConeStatus};
+use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver};
 use semismooth::continuation::{
     Branch, ContinuationOptions, Diagram, DiagramOptions, Direction, SearchOptions, search_solutions,
 };
 use semismooth::fallible::{Failed, FirstError};
-use semismooth::newton::{Failure, Newton, NewtonError, NewtonOptions};
+use semismooth::newton::{Newton, NewtonError, NewtonOptions};
 use semismooth::piecewise::{PiecewiseSmooth, Selection, Semismooth};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 use semismooth::sweep::sweep;
 use semismooth::variational::{Polyhedron, Vi, ViSolver};
@@ -224,7 +225,7 @@ fn cones_and_variational_inequalities() {
             assert!(x.iter().all(|v| v.is_finite()), "{x:?} {status:?}");
             // A point within the tolerance is returned as a solution, although the next steps failed.
             let near = x.iter().zip(solution).all(|(a, b)| (a - b).abs() < 1e-4);
-            assert!(*status != Ok(ConeStatus::Solved) || near, "{x:?} {solution:?}");
+            assert!(*status != Ok(Status::Solved) || near, "{x:?} {solution:?}");
         });
     }
     let solve = |counted: &Arc<Counted>| {
@@ -338,8 +339,8 @@ fn errors_keep_their_source_and_end_observed_runs() {
         panic!("{failed:?}");
     };
     assert_eq!(
-        (unsolved.reason, unsolved.x.as_slice()),
-        (Failure::Stagnation, [5.0].as_slice())
+        (unsolved.status, unsolved.x.as_slice()),
+        (Status::Stalled, [5.0].as_slice())
     );
     // An earlier error is forgotten by the next run, but not by evaluations outside a run.
     assert_eq!(counted.errors.attempt(|| Err::<(), _>(Broken(7))), None);

@@ -3,13 +3,13 @@
 use super::random::Random;
 use super::*;
 use semismooth::complementarity::active_set::{
-    ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced, GmresReduced, MultigridReduced,
-    Nested, ReducedSolver,
+    ActiveSetOptions, ActiveSetSolver, DirectReduced, GmresReduced, MultigridReduced, Nested, ReducedSolver,
 };
 use semismooth::linear::{LinearError, Preconditioner, Prolongation};
+use semismooth::run::Status;
 use semismooth::sparse::MatrixRef;
 
-fn solve(lcp: &Lcp) -> (ActiveSetStatus, Vec<f64>, f64, usize) {
+fn solve(lcp: &Lcp) -> (Status, Vec<f64>, f64, usize) {
     let mut z = vec![0.0; lcp.len()];
     let report = ActiveSetSolver::default().solve(lcp, &mut z).unwrap();
     (report.status, z, report.residual, report.iterations)
@@ -34,12 +34,12 @@ proptest! {
         let lcp = Lcp::boxed(m, q, vec![-0.5; N], width.iter().map(|w: &f64| w - 0.5).collect()).unwrap();
         let mut z = start;
         let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
-        prop_assert_eq!(report.status, ActiveSetStatus::Solved);
+        prop_assert_eq!(report.status, Status::Solved);
         prop_assert!(report.residual < 1e-12);
         let set = enumerate(&lcp);
         prop_assert!(listed(&set, &z), "{z:?} {:?} {lcp:?} {set:?}", lcp.q());
         let (status, by_lemke, _) = lemke(&lcp);
-        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert_eq!(status, Status::Solved);
         for (a, b) in z.iter().zip(&by_lemke) {
             prop_assert!((a - b).abs() < 1e-10);
         }
@@ -61,7 +61,7 @@ proptest! {
         let load = vec![0.0, 0.0, q[0], q[1]];
         let lcp = Lcp::boxed(m, load, vec![-40.0; 4], vec![40.0; 4]).unwrap();
         let (status, z, residual, _) = solve(&lcp);
-        prop_assert_eq!(status, ActiveSetStatus::Solved);
+        prop_assert_eq!(status, Status::Solved);
         prop_assert!(residual < 1e-11);
         prop_assert_eq!(&z[..2], &[0.0, 0.0]);
         prop_assert!(listed(&enumerate(&lcp), &z), "{z:?}");
@@ -74,7 +74,7 @@ proptest! {
         let mut z = vec![0.0; N];
         let options = ActiveSetOptions::default().with_max_iterations(50);
         let report = ActiveSetSolver::new(options).solve(&lcp, &mut z).unwrap();
-        if report.status == ActiveSetStatus::Solved {
+        if report.status == Status::Solved {
             prop_assert!(lcp.natural_residual(&z, &mut z.clone()).unwrap() < 1e-12);
         }
     }
@@ -104,11 +104,7 @@ fn neither_units_nor_starts_far_out_change_the_solution() {
             let lcp = Lcp::boxed(m, scaled(&q, &rows), vec![0.0; n], scaled(&upper, &columns)).unwrap();
             let mut z: Vec<f64> = (0..n).map(|i| if i % 2 == 0 { far } else { -far }).collect();
             let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
-            assert_eq!(
-                report.status,
-                ActiveSetStatus::Solved,
-                "{far:e} {rows:?} {columns:?}"
-            );
+            assert_eq!(report.status, Status::Solved, "{far:e} {rows:?} {columns:?}");
             for ((z, exact), unit) in z.iter().zip(exact).zip(&columns) {
                 assert!((z / unit - exact).abs() < 1e-14, "{far:e} {rows:?} {columns:?}");
             }
@@ -143,7 +139,7 @@ fn iterative_solves_know_the_units_of_each_unknown() {
         let mut z = vec![0.0; n];
         let reduced = GmresReduced::default();
         let report = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), reduced).solve(&lcp, &mut z);
-        if report.is_ok_and(|r| r.status == ActiveSetStatus::Solved) {
+        if report.is_ok_and(|r| r.status == Status::Solved) {
             solved += 1;
             for i in 0..n {
                 let terms: Vec<f64> = (0..n).map(|j| rows[i][j] * z[j]).chain([q[i]]).collect();
@@ -180,7 +176,7 @@ fn sizes_at_the_ends_of_the_range_are_survived() {
     for (lcp, start) in std::iter::once((told, vec![1e-308, f64::MAX])).chain(drawn) {
         let mut z = start.clone();
         let report = ActiveSetSolver::default().solve(&lcp, &mut z);
-        if report.is_ok_and(|r| r.status == ActiveSetStatus::Solved) {
+        if report.is_ok_and(|r| r.status == Status::Solved) {
             assert!(
                 z.iter().all(|z| *z >= 0.0 && z.is_finite()),
                 "{lcp:?} {start:?} {z:?}"
@@ -192,7 +188,7 @@ fn sizes_at_the_ends_of_the_range_are_survived() {
 #[test]
 fn murty_and_fathi_take_few_iterations() {
     let (status, z, _, iterations) = solve(&murty(40));
-    assert_eq!(status, ActiveSetStatus::Solved);
+    assert_eq!(status, Status::Solved);
     assert!(z[0] == 1.0 && z[1..].iter().all(|z| *z == 0.0));
     assert!(iterations <= 100, "{iterations}");
     // Fathi: M = L Lᵀ with Murty's L, q = −1; Lemke's method needs 2ⁿ − 1 exchanges, Newton's few.
@@ -200,7 +196,7 @@ fn murty_and_fathi_take_few_iterations() {
     let l = |i: usize, j: usize| [0.0, 1.0, 2.0][usize::from(i >= j) + usize::from(i > j)];
     let fathi = matrix(n, |i, j| (0..n).map(|k| l(i, k) * l(j, k)).sum());
     let (status, z, residual, iterations) = solve(&Lcp::new(fathi, vec![-1.0; n]).unwrap());
-    assert_eq!(status, ActiveSetStatus::Solved);
+    assert_eq!(status, Status::Solved);
     assert!(residual < 1e-10 && z[0] == 1.0, "{residual:e}");
     assert!(iterations <= 100, "{iterations}");
 }
@@ -239,10 +235,7 @@ fn degenerate_components_stay_at_their_bounds() {
             let mut solver = ActiveSetSolver::default();
             let report = solver.solve_from_states(&lcp, &mut z, &sets).unwrap();
             let expected = 1 + usize::from(wrong == BoundState::Interior);
-            assert_eq!(
-                (report.status, report.iterations),
-                (ActiveSetStatus::Solved, expected)
-            );
+            assert_eq!((report.status, report.iterations), (Status::Solved, expected));
             assert_eq!(z, [1.0 / d, 0.0, 0.0], "{c} {d}");
             assert_eq!(solver.states()[1..], [BoundState::Lower; 2]);
         }
@@ -264,7 +257,7 @@ fn free_components_may_rest_on_their_bounds() {
         let report = solver
             .solve_from_states(&lcp, &mut z, &[BoundState::Interior; 3])
             .unwrap();
-        assert_eq!((report.status, report.iterations), (ActiveSetStatus::Solved, 2));
+        assert_eq!((report.status, report.iterations), (Status::Solved, 2));
         let sets = [BoundState::Interior, BoundState::Interior, BoundState::Lower];
         assert_eq!(solver.states(), sets, "{c} {d}");
         below += usize::from(d * c * (1.0 / d) - c < 0.0);
@@ -275,7 +268,7 @@ fn free_components_may_rest_on_their_bounds() {
 #[test]
 fn a_singular_matrix_is_reported() {
     let lcp = Lcp::new(matrix(2, |_, _| 1.0), vec![-1.0, -2.0]).unwrap();
-    assert_eq!(solve(&lcp).0, ActiveSetStatus::Singular);
+    assert_eq!(solve(&lcp).0, Status::Singular);
     let mut short = [0.0];
     assert!(ActiveSetSolver::default().solve(&lcp, &mut short).is_err());
     assert!(
@@ -344,7 +337,7 @@ fn iterative_and_direct_routes_agree_on_unsymmetric_systems() {
         let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), reduced);
         let mut z = vec![0.0; lcp.len()];
         let report = solver.solve(lcp, &mut z).unwrap();
-        assert_eq!(report.status, ActiveSetStatus::Solved);
+        assert_eq!(report.status, Status::Solved);
         // Iterative solves are required to reach 1e-11 relative to the sizes of rows and of z.
         assert!(lcp.natural_residual(&z, &mut z.clone()).unwrap() < 1e-11);
         (z, solver.states().to_vec(), report.linear_iterations)
@@ -382,7 +375,7 @@ fn a_preconditioner_that_fails_is_not_hidden() {
     let lcp = membrane_in_a_stream(7, [20.0, 5.0]);
     let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), GmresReduced::new(Nothing));
     let report = solver.solve(&lcp, &mut vec![0.0; 49]).unwrap();
-    assert_eq!(report.status, ActiveSetStatus::Inaccurate);
+    assert_eq!(report.status, Status::Inaccurate);
 }
 
 /// Limits on iterations end the run, and no unsolved point is reported as a solution.
@@ -403,13 +396,9 @@ fn iterative_solves_end_at_their_limits() {
     };
     for gmres in [false, true] {
         for limit in [0, 1] {
-            assert_eq!(
-                status(limit, gmres),
-                ActiveSetStatus::Inaccurate,
-                "{limit} {gmres}"
-            );
+            assert_eq!(status(limit, gmres), Status::Inaccurate, "{limit} {gmres}");
         }
-        assert_eq!(status(100, gmres), ActiveSetStatus::Solved);
+        assert_eq!(status(100, gmres), Status::Solved);
     }
 }
 
@@ -465,20 +454,20 @@ fn string_over_a_parabola() {
     let report = nested
         .solve(&ActiveSetOptions::default(), &mut by_levels)
         .unwrap();
-    assert_eq!(report.status(), ActiveSetStatus::Solved);
+    assert_eq!(report.status(), Status::Solved);
     assert!(report.levels.iter().all(|l| l.report.iterations <= 6));
     let mut by_cholesky = vec![0.0; n];
     let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), DirectReduced::new());
     assert_eq!(
         solver.solve(&lcp, &mut by_cholesky).unwrap().status,
-        ActiveSetStatus::Solved
+        Status::Solved
     );
     let mut by_aggregates = vec![0.0; n];
     let mut solver =
         ActiveSetSolver::with_reduced(ActiveSetOptions::default(), MultigridReduced::algebraic());
     assert_eq!(
         solver.solve(&lcp, &mut by_aggregates).unwrap().status,
-        ActiveSetStatus::Solved
+        Status::Solved
     );
     for i in 0..n {
         let x = (i + 1) as f64 / (n + 1) as f64;
@@ -509,7 +498,7 @@ fn unknowns_without_bounds_inherit_none() {
     let lcp = Lcp::boxed(whole.matrix().clone(), vec![0.0; n], lower, upper).unwrap();
     let (_, by_cholesky) = run(&lcp, DirectReduced::new(), &vec![0.0; n]);
     let (status, by_aggregates) = run(&lcp, MultigridReduced::algebraic(), &vec![0.0; n]);
-    assert_eq!(status, ActiveSetStatus::Solved);
+    assert_eq!(status, Status::Solved);
     for (a, b) in by_cholesky.iter().zip(&by_aggregates) {
         assert!((a - b).abs() < 1e-8);
     }
@@ -527,12 +516,12 @@ fn a_free_string_comes_to_rest() {
             run(&lcp, MultigridReduced::algebraic(), &start),
             run(&lcp, DirectReduced::new(), &start),
         ] {
-            assert_eq!(end, (ActiveSetStatus::Solved, vec![0.0; n]));
+            assert_eq!(end, (Status::Solved, vec![0.0; n]));
         }
     }
 }
 
-fn run<R: ReducedSolver>(lcp: &Lcp, reduced: R, start: &[f64]) -> (ActiveSetStatus, Vec<f64>) {
+fn run<R: ReducedSolver>(lcp: &Lcp, reduced: R, start: &[f64]) -> (Status, Vec<f64>) {
     let mut z = start.to_vec();
     let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), reduced);
     let report = solver.solve(lcp, &mut z).unwrap();
@@ -559,7 +548,7 @@ fn a_free_unknown_without_positive_diagonal_is_singular() {
     let reduced = MultigridReduced::with_prolongations(vec![std::sync::Arc::new(halving(n))]);
     let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), reduced);
     let report = solver.solve(&lcp, &mut vec![0.0; n]).unwrap();
-    assert_eq!(report.status, ActiveSetStatus::Singular);
+    assert_eq!(report.status, Status::Singular);
 }
 
 #[test]
@@ -580,6 +569,6 @@ fn prolongations_are_checked() {
         .unwrap();
     let mut z = vec![1.0; 15];
     let report = rediscretised.solve(&ActiveSetOptions::default(), &mut z).unwrap();
-    assert_eq!(report.status(), ActiveSetStatus::Solved);
+    assert_eq!(report.status(), Status::Solved);
     assert!(z.iter().all(|z| z.abs() < 1e-9));
 }

@@ -1,8 +1,9 @@
 //! Bimatrix games by the method of Lemke and Howson, and linear programs with equations.
 
 use super::random::Random;
-use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkeStatus};
+use semismooth::complementarity::pivoting::{Lemke, LemkeOptions};
 use semismooth::complementarity::{ComplementarityError, Lcp};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 type Rows = Vec<Vec<f64>>;
@@ -49,7 +50,7 @@ fn equilibria(a: &Rows, b: &Rows) -> Vec<Vec<f64>> {
         let report = Lemke::new(options).solve(&lcp, &mut z).unwrap();
         assert_eq!(
             report.status,
-            LemkeStatus::Solved,
+            Status::Solved,
             "label {label} of {a:?} {b:?}: {report}"
         );
         let (x, y) = z.split_at(m);
@@ -156,7 +157,7 @@ fn units_of_payoffs_do_not_matter() {
             let (mut z, mut y) = (vec![0.0; 7], vec![0.0; 7]);
             let status =
                 [solver.solve(&lcp, &mut z), solver.solve(&scaled, &mut y)].map(|r| r.unwrap().status);
-            assert_eq!(status, [LemkeStatus::Solved; 2]);
+            assert_eq!(status, [Status::Solved; 2]);
             assert!(z.iter().zip(&y).all(|(z, y)| *z == y * unit), "{z:?} {y:?}");
         }
     }
@@ -224,7 +225,7 @@ fn linear_programs_with_equations_are_solved() {
         let lcp = Lcp::boxed(matrix, q, lower, vec![f64::INFINITY; n + rows]).unwrap();
         let mut z = vec![0.0; n + rows];
         let report = Lemke::default().solve(&lcp, &mut z).unwrap();
-        assert_eq!(report.status, LemkeStatus::Solved, "{k}: {report}");
+        assert_eq!(report.status, Status::Solved, "{k}: {report}");
         let cost = |x: &[f64]| -> f64 { x.iter().zip(&c).map(|(x, c)| x * c).sum() };
         assert!(
             (cost(&z[..n]) - cost(&x)).abs() <= 1e-9,
@@ -242,5 +243,5 @@ fn linear_programs_with_equations_are_solved() {
     let (inf, lower) = (f64::INFINITY, vec![0.0, 0.0, f64::NEG_INFINITY]);
     let lcp = Lcp::boxed(m, vec![1.0, 1.0, 1.0], lower, vec![inf; 3]).unwrap();
     let report = Lemke::default().solve(&lcp, &mut [0.0; 3]).unwrap();
-    assert_eq!(report.status, LemkeStatus::Ray { infeasible: true });
+    assert_eq!(report.status, Status::NoSolution);
 }

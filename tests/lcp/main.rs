@@ -3,10 +3,11 @@
 use std::ops::ControlFlow;
 
 use proptest::prelude::*;
-use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
-use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkeStatus};
+use semismooth::complementarity::active_set::ActiveSetSolver;
+use semismooth::complementarity::pivoting::{Lemke, LemkeOptions};
 use semismooth::complementarity::{BoundState, Lcp};
 use semismooth::enumeration::{EnumerationOptions, SolutionSet, all_solutions};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 #[path = "../common/random.rs"]
@@ -55,7 +56,7 @@ fn reals(len: usize) -> impl Strategy<Value = Vec<f64>> {
 
 const N: usize = 5;
 
-fn lemke(lcp: &Lcp) -> (LemkeStatus, Vec<f64>, f64) {
+fn lemke(lcp: &Lcp) -> (Status, Vec<f64>, f64) {
     let mut z = vec![f64::NAN; lcp.len()];
     let report = Lemke::default().solve(lcp, &mut z).unwrap();
     (report.status, z, report.residual)
@@ -76,7 +77,7 @@ proptest! {
         prop_assert_eq!(set.solutions.len(), 1);
         prop_assert_eq!(set.index_sum, Some(1));
         let (status, z, residual) = lemke(&lcp);
-        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert_eq!(status, Status::Solved);
         prop_assert!(residual < 1e-12);
         prop_assert!(listed(&set, &z));
     }
@@ -92,17 +93,17 @@ proptest! {
             dot + if i == j { 0.1 } else { s[i * N + j] - s[j * N + i] }
         };
         let (status, known, _) = lemke(&Lcp::new(matrix(N, entry), q.clone()).unwrap());
-        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert_eq!(status, Status::Solved);
         let other = q.iter().map(|q| force * q).collect();
         let lcp = Lcp::new(matrix(N, |i, j| force / unit * entry(i, j)), other).unwrap();
         let largest = known.iter().fold(0.0_f64, |a, z| a.max(z.abs()));
         let same = |z: &[f64]| z.iter().zip(&known).all(|(z, k)| (z / unit - k).abs() <= 1e-9 * largest);
         let (status, z, _) = lemke(&lcp);
-        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert_eq!(status, Status::Solved);
         prop_assert!(same(&z), "Lemke {:?} {:?}", z, known);
         let mut z = vec![0.0; N];
         let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
-        prop_assert_eq!(report.status, ActiveSetStatus::Solved);
+        prop_assert_eq!(report.status, Status::Solved);
         prop_assert!(same(&z), "active sets {:?} {:?}", z, known);
         let set = enumerate(&lcp);
         prop_assert!(set.solutions.len() == 1 && same(&set.solutions[0].x), "{:?} {:?}", set, known);
@@ -120,11 +121,11 @@ proptest! {
         };
         let unit = |e: i32| f64::from(e).exp2();
         let (status, known, _) = lemke(&Lcp::new(matrix(N, entry), q.clone()).unwrap());
-        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert_eq!(status, Status::Solved);
         let scaled = matrix(N, |i, j| unit(rows[i] - columns[j]) * entry(i, j));
         let q = q.iter().zip(&rows).map(|(q, e)| q * unit(*e)).collect();
         let (status, z, _) = lemke(&Lcp::new(scaled, q).unwrap());
-        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert_eq!(status, Status::Solved);
         let largest = known.iter().fold(0.0_f64, |a, z| a.max(z.abs()));
         for ((z, e), known) in z.iter().zip(&columns).zip(&known) {
             prop_assert!((z / unit(*e) - known).abs() <= 1e-9 * largest, "{:?}", known);
@@ -142,9 +143,9 @@ proptest! {
         prop_assert!(set.completeness.is_complete());
         let (status, z, residual) = lemke(&lcp);
         if set.solutions.is_empty() && set.continua.is_empty() {
-            prop_assert_eq!(status, LemkeStatus::Ray { infeasible: true });
+            prop_assert_eq!(status, Status::NoSolution);
         } else {
-            prop_assert_eq!(status, LemkeStatus::Solved);
+            prop_assert_eq!(status, Status::Solved);
             prop_assert!(residual < 1e-12);
             prop_assert!(listed(&set, &z));
         }
@@ -155,7 +156,7 @@ proptest! {
     fn strictly_copositive(m in prop::collection::vec((0..=4_i8).prop_map(f64::from), N * N), q in small_integers(N)) {
         let lcp = Lcp::new(matrix(N, |i, j| m[i * N + j] + f64::from(u8::from(i == j))), q).unwrap();
         let (status, z, residual) = lemke(&lcp);
-        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert_eq!(status, Status::Solved);
         prop_assert!(residual < 1e-12);
         prop_assert!(listed(&enumerate(&lcp), &z));
     }
@@ -173,7 +174,7 @@ proptest! {
             .collect();
         let sparse = Lcp::new(Matrix::from_triplets(N, N, &triplets).unwrap(), q.clone()).unwrap();
         let (status, z, residual) = lemke(&sparse);
-        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert_eq!(status, Status::Solved);
         prop_assert!(residual < 1e-12);
         let (_, full, _) = lemke(&Lcp::new(matrix(N, entry), q).unwrap());
         prop_assert!(z.iter().zip(&full).all(|(a, b)| (a - b).abs() < 1e-12));
@@ -187,11 +188,12 @@ proptest! {
         let none = set.solutions.is_empty() && set.continua.is_empty();
         let (status, z, residual) = lemke(&lcp);
         match status {
-            LemkeStatus::Solved => {
+            Status::Solved => {
                 prop_assert!(residual < 1e-12);
                 prop_assert!(listed(&set, &z));
             }
-            LemkeStatus::Ray { infeasible } => prop_assert!(none || !infeasible),
+            Status::NoSolution => prop_assert!(none),
+            Status::Ray => {}
             other => prop_assert!(false, "{:?}", other),
         }
     }
@@ -202,7 +204,7 @@ proptest! {
         let upper: Vec<f64> = width.iter().map(|w| f64::from(*w) - 1.0).collect();
         let lcp = Lcp::boxed(matrix(N, |i, j| m[i * N + j]), q, vec![-1.0; N], upper).unwrap();
         let (status, z, residual) = lemke(&lcp);
-        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert_eq!(status, Status::Solved);
         prop_assert!(residual < 1e-12);
         prop_assert!(listed(&enumerate(&lcp), &z));
     }
@@ -228,7 +230,7 @@ fn rows_of_rounding_are_rows_of_zeros() {
     )
     .unwrap();
     let (status, z, residual) = lemke(&lcp);
-    assert_eq!(status, LemkeStatus::Solved);
+    assert_eq!(status, Status::Solved);
     assert!(residual <= 1e-14 && listed(&enumerate(&lcp), &z), "{z:?}");
 }
 
@@ -238,7 +240,7 @@ fn lemke_stops_at_its_limit_on_exponential_families() {
     let mut z = vec![0.0; 40];
     let options = LemkeOptions::default().with_max_pivots(5000);
     let report = Lemke::new(options).solve(&lcp, &mut z).unwrap();
-    assert_eq!((report.status, report.pivots), (LemkeStatus::PivotLimit, 5000));
+    assert_eq!((report.status, report.pivots), (Status::IterationLimit, 5000));
     let mut covers = Vec::new();
     let stopped = Lemke::default().solve_observed(&lcp, &mut z, |pivot| {
         covers.push(pivot.cover);
@@ -249,7 +251,7 @@ fn lemke_stops_at_its_limit_on_exponential_families() {
         }
     });
     let stopped = stopped.unwrap();
-    assert_eq!((stopped.status, stopped.pivots), (LemkeStatus::Interrupted, 100));
+    assert_eq!((stopped.status, stopped.pivots), (Status::Interrupted, 100));
     // The problem of a P matrix has one solution for each t, so that t never grows along the path.
     assert!(
         covers.windows(2).all(|t| t[1] <= t[0] && t[1] > 0.0),
@@ -260,7 +262,7 @@ fn lemke_stops_at_its_limit_on_exponential_families() {
     let report = Lemke::new(LemkeOptions::default().with_covering(covering))
         .solve(&lcp, &mut z)
         .unwrap();
-    assert_eq!(report.status, LemkeStatus::Solved);
+    assert_eq!(report.status, Status::Solved);
     assert!(z[0] == 1.0 && z[1..].iter().all(|z| *z == 0.0), "{z:?}");
 }
 
@@ -273,7 +275,7 @@ fn small_violations_are_violations() {
         for start in [[1.0, 0.0], [0.0, 0.0], [1.0, 1.0]] {
             let mut z = start;
             let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
-            assert_eq!(report.status, ActiveSetStatus::Solved);
+            assert_eq!(report.status, Status::Solved);
             assert!((z[1] - e).abs() < 1e-15 && z[0] == 1.0, "{e:e} {z:?}");
         }
     }
@@ -307,8 +309,10 @@ fn what_is_called_infeasible_has_no_feasible_point() {
         let lower = if case % 2 == 0 { 0.0 } else { -1.0 };
         let rows = matrix(3, |i, j| m[i][j]);
         let lcp = Lcp::boxed(rows, q.to_vec(), vec![lower; 3], vec![f64::INFINITY; 3]).unwrap();
-        let LemkeStatus::Ray { infeasible } = lemke(&lcp).0 else {
-            continue;
+        let infeasible = match lemke(&lcp).0 {
+            Status::NoSolution => true,
+            Status::Ray => false,
+            _ => continue,
         };
         // a·z ≥ b.
         let plane = |k: usize| match k {

@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use semismooth::complementarity::{Lcp, McpSolver, McpStatus};
+use semismooth::complementarity::{Lcp, McpSolver};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 /// −u″ + b u′ ≥ f over an obstacle on (0, 1) by upwind differences, as an LCP for u − ψ; symmetric for b = 0.
@@ -78,7 +79,7 @@ fn large_problems_can_be_stopped() {
             }
         };
         let report = solver.solve_observed(lcp.mcp(), &mut z, stop).unwrap();
-        assert_eq!(report.status, McpStatus::Interrupted);
+        assert_eq!(report.status, Status::Interrupted);
         assert_eq!((calls, z.len()), (most, 1_000));
     }
 }

@@ -3,9 +3,10 @@
 use super::random::Random;
 use proptest::prelude::*;
 use semismooth::linear::{
-    BlockDiagonal, DenseLu, IncompleteLu, Krylov, KrylovEnd, LinearError, LinearOperator, LinearSolver,
-    Multigrid, Preconditioned, Preconditioner, Prolongation,
+    BlockDiagonal, DenseLu, IncompleteLu, Krylov, LinearError, LinearOperator, LinearSolver, Multigrid,
+    Preconditioned, Preconditioner, Prolongation,
 };
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 fn norm(v: &[f64]) -> f64 {
@@ -120,7 +121,7 @@ proptest! {
         for method in [Krylov::cg(), Krylov::minres(), Krylov::gmres(n), Krylov::flexible_gmres(n)] {
             let mut x = b.clone();
             let report = method.clone().solve(&mut With::new(&a, &p), &mut x, 1e-12).unwrap();
-            prop_assert!(report.is_converged() && report.iterations <= 2 * n, "{:?} {:?}", method.method(), report);
+            prop_assert!(report.is_solved() && report.iterations <= 2 * n, "{:?} {:?}", method.method(), report);
             prop_assert!(x.iter().zip(&exact).all(|(x, y)| (x - y).abs() < 1e-9 * (1.0 + norm(&exact))));
         }
     }
@@ -170,7 +171,7 @@ fn only_the_flexible_method_bears_a_preconditioner_that_changes() {
         (report, true_residual(&a, &x, &b))
     };
     let (report, residual) = run(Krylov::flexible_gmres(12));
-    assert!(report.is_converged() && residual < 1e-10, "{report:?} {residual}");
+    assert!(report.is_solved() && residual < 1e-10, "{report:?} {residual}");
     assert!(run(Krylov::gmres(12)).1 > 1e-3);
 }
 
@@ -180,15 +181,15 @@ fn breakdowns_are_reported_and_keep_the_best_iterate() {
     let mut x = [1.0, 1.0];
     let report = Krylov::cg().solve(&mut saddle, &mut x, 1e-10).unwrap();
     assert_eq!(
-        (report.end, report.residual, x),
-        (KrylovEnd::Breakdown, 1.0, [0.0; 2])
+        (report.status, report.residual, x),
+        (Status::Singular, 1.0, [0.0; 2])
     );
     // The least-squares solution of a singular system, with the remaining residual: (1, 0) for (1, 1).
     let mut singular = Matrix::from_rows(&[[1.0, 0.0], [0.0, 0.0]]).unwrap();
     for mut method in [Krylov::minres(), Krylov::gmres(5), Krylov::flexible_gmres(5)] {
         let mut x = [1.0, 1.0];
         let report = method.solve(&mut singular, &mut x, 1e-10).unwrap();
-        assert_eq!(report.end, KrylovEnd::Breakdown, "{:?}", method.method());
+        assert_eq!(report.status, Status::Singular, "{:?}", method.method());
         assert!((report.residual - 0.5_f64.sqrt()).abs() < 1e-14);
         assert!((x[0] - 1.0).abs() < 1e-14);
     }
@@ -198,7 +199,7 @@ fn breakdowns_are_reported_and_keep_the_best_iterate() {
         let report = method
             .solve(&mut With::new(&identity, &saddle), &mut [1.0, 2.0], 1e-10)
             .unwrap();
-        assert_eq!(report.end, KrylovEnd::Breakdown);
+        assert_eq!(report.status, Status::Singular);
     }
     let mut x = [1.0, 1.0];
     let few = Krylov::gmres(1).with_max_iterations(1).solve(
@@ -206,7 +207,7 @@ fn breakdowns_are_reported_and_keep_the_best_iterate() {
         &mut x,
         1e-10,
     );
-    assert_eq!(few.unwrap().end, KrylovEnd::IterationLimit);
+    assert_eq!(few.unwrap().status, Status::IterationLimit);
     assert_eq!(
         Krylov::minres()
             .solve(&mut saddle, &mut [0.0; 2], 1e-10)
@@ -264,7 +265,7 @@ fn reported_residuals_are_those_of_x() {
                 (truth - report.residual).abs() <= rounding,
                 "{round} {report:?} {truth}"
             );
-            assert!(report.residual <= 1.0 && report.is_converged() == (report.residual <= tolerance));
+            assert!(report.residual <= 1.0 && report.is_solved() == (report.residual <= tolerance));
         }
     }
     // The solution is 10³⁵⁰.
@@ -365,7 +366,7 @@ fn multigrid_takes_as_many_iterations_on_every_grid() {
         let mut x = b.clone();
         let mut system = Preconditioned::new(&a, &mut multigrid);
         let report = Krylov::cg().solve(&mut system, &mut x, 1e-11).unwrap();
-        assert!(report.is_converged() && true_residual(&a, &x, &b) < 2e-11);
+        assert!(report.is_solved() && true_residual(&a, &x, &b) < 2e-11);
         report.iterations
     };
     let nested = |mut m: usize| {

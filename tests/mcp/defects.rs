@@ -1,7 +1,8 @@
 //! Defects observed in other solvers.
 
-use semismooth::complementarity::{FischerBurmeister, Mcp, McpStatus, WithJacobian};
+use semismooth::complementarity::{FischerBurmeister, Mcp, WithJacobian};
 use semismooth::piecewise::Semismooth;
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 use crate::support::{INF, matrix, residual, scalar, solve};
@@ -41,7 +42,7 @@ fn nan_is_no_solution() {
     ))
     .unwrap();
     let (_, report) = solve(&never, &[1.0, 2.0, 3.0]);
-    assert_eq!(report.status, McpStatus::EvaluationFailure { component: 1 });
+    assert_eq!(report.status, Status::EvaluationFailure { component: 1 });
     assert!(report.residual.is_nan());
 
     // Powers of prices from far starts, where intermediate values overflow or leave the domain.
@@ -77,7 +78,7 @@ fn stationary_points_are_not_reported_as_solutions() {
         for start in [0.0, 1.0, 10.0, -100.0] {
             let (x, report) = solve(problem, &[start]);
             match report.status {
-                McpStatus::Stationary { gradient_norm } => assert!(gradient_norm < 1e-3),
+                Status::Stationary { gradient_norm } => assert!(gradient_norm < 1e-3),
                 other => panic!("{start}: {other:?} at {x:?}"),
             }
             assert!(residual(problem, &x) >= 1.0);
@@ -101,7 +102,7 @@ fn residuals_that_vanish_at_infinity_are_no_solutions() {
     let decay = Mcp::equations(scalar(|x: f64| (-x).exp(), |x: f64| -(-x).exp())).unwrap();
     for start in [0.0, 5.0, 25.0, 30.0] {
         let (_, report) = solve(&decay, &[start]);
-        assert_eq!(report.status, McpStatus::Unbounded, "{start}");
+        assert_eq!(report.status, Status::Unbounded, "{start}");
     }
     let hyperbola = Mcp::ncp(scalar(|x: f64| -1.0 / (1.0 + x), |x: f64| (1.0 + x).powi(-2))).unwrap();
     for start in [0.0, 1e3, 1e12] {
@@ -176,7 +177,7 @@ fn problems_of_one_variable() {
                 if !solvable {
                     assert_eq!(
                         report.status,
-                        McpStatus::Infeasible,
+                        Status::NoSolution,
                         "m = {m}, q = {q}, from {start}"
                     );
                 }

@@ -2,9 +2,10 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use semismooth::complementarity::{
-    AffineFunction, BoundState, ComplementarityError, Mcp, McpIteration, McpOptions, McpSolver, McpStatus,
-    McpStep, McpStrategy, WithJacobian,
+    AffineFunction, BoundState, ComplementarityError, Mcp, McpIteration, McpOptions, McpSolver, McpStep,
+    McpStrategy, WithJacobian,
 };
+use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 
 use crate::random::Random;
@@ -20,7 +21,7 @@ fn limits_and_observers_end_a_solve_with_its_best_iterate() {
     let mut x = [3.0];
     let mut solver = McpSolver::new(McpOptions::default().with_max_iterations(3));
     let report = solver.solve(&problem, &mut x).unwrap();
-    assert_eq!(report.status, McpStatus::IterationLimit);
+    assert_eq!(report.status, Status::IterationLimit);
     assert!(report.iterations == 3 && report.history.len() >= 3);
     let best = report.history.iter().map(|i| i.residual).fold(INF, f64::min);
     assert!((x[0] * x[0] + 1.0 - best).abs() < 1e-12);
@@ -35,16 +36,13 @@ fn limits_and_observers_end_a_solve_with_its_best_iterate() {
             }
         };
         let report = solver.solve_observed(&problem, &mut x, observe).unwrap();
-        assert_eq!(report.status, McpStatus::Interrupted);
+        assert_eq!(report.status, Status::Interrupted);
         assert_eq!(left, 0);
     }
 
     let mut solver = McpSolver::new(McpOptions::default().with_max_time(Some(Duration::ZERO)));
     let mut x = [3.0];
-    assert_eq!(
-        solver.solve(&problem, &mut x).unwrap().status,
-        McpStatus::TimeLimit
-    );
+    assert_eq!(solver.solve(&problem, &mut x).unwrap().status, Status::TimeLimit);
 }
 
 /// √(−1 − x²) is real nowhere: of a million perturbed starts each is reported, so that the observer can stop.
@@ -75,7 +73,7 @@ fn observers_can_stop_where_the_function_is_nowhere_finite() {
     };
     let mut solver = McpSolver::new(McpOptions::default().with_restarts(1_000_000));
     let report = solver.solve_observed(&problem, &mut [3.0], observe).unwrap();
-    assert_eq!(report.status, McpStatus::Interrupted);
+    assert_eq!(report.status, Status::Interrupted);
     assert!(left == 0 && !finite);
     assert!(report.history.iter().all(|i| i.residual.is_finite()));
 }
@@ -95,13 +93,13 @@ fn paths_and_enumeration_keep_their_limits() {
     };
     let options = McpOptions::default();
     let (status, whole) = spent(options.clone());
-    assert_eq!(status, McpStatus::Infeasible);
+    assert_eq!(status, Status::NoSolution);
     let (_, short) = spent(options.clone().with_max_path_points(2));
     let (_, none) = spent(options.clone().with_max_path_points(0));
     assert!(none < short && short < whole, "{none} {short} {whole}");
     let (status, _) = spent(options.with_max_nodes(1));
     assert!(
-        !matches!(status, McpStatus::Infeasible | McpStatus::Solved),
+        !matches!(status, Status::NoSolution | Status::Solved),
         "{status:?}"
     );
 }
@@ -150,8 +148,8 @@ fn observers_are_called_along_paths_and_during_enumeration() {
             assert_eq!(calls, last);
             // Solutions found by then are returned.
             match report.status {
-                McpStatus::Solved => assert_eq!(strategy, McpStrategy::Enumeration),
-                status => assert_eq!(status, McpStatus::Interrupted),
+                Status::Solved => assert_eq!(strategy, McpStrategy::Enumeration),
+                status => assert_eq!(status, Status::Interrupted),
             }
             assert!(last > 1 || report.iterations < iterations, "{iterations}");
         }
@@ -195,7 +193,7 @@ fn infeasible_affine_problems_come_with_a_certificate() {
         let (lower, upper) = (vec![0.0; n], vec![INF; n]);
         let problem = Mcp::affine(matrix(&rows), q.clone(), lower, upper).unwrap();
         let (_, report) = solve(&problem, &vec![1.0; n]);
-        assert_eq!(report.status, McpStatus::Infeasible, "n = {n}");
+        assert_eq!(report.status, Status::NoSolution, "n = {n}");
         // v ≥ 0, Mᵀv ≤ 0, qᵀv < 0: no x ≥ 0 has M x + q ≥ 0.
         let v = &report.certificate;
         assert!(v.iter().all(|v| *v >= 0.0));
@@ -457,7 +455,7 @@ fn iterates_that_come_to_rest_far_away_are_solutions() {
     let problem = Mcp::equations(lagrangian).unwrap();
     for start in [[0.08, 0.06, 0.0], [0.08, -0.06, 0.0], [-0.05, 0.06, 1.0]] {
         let (x, report) = solve(&problem, &start);
-        assert_eq!(report.status, McpStatus::Solved, "{start:?}: {x:?}");
+        assert_eq!(report.status, Status::Solved, "{start:?}: {x:?}");
         assert!(
             (x[0].abs() - 1.0).abs() <= 1e-9 && x[1].abs() <= 1e-9,
             "{start:?}: {x:?}"

@@ -1,9 +1,10 @@
 //! Reports against what holds at the point returned, and for equivalent formulations of one problem.
 
 use semismooth::complementarity::{
-    BoundState, Mcp, McpFunction, McpIteration, McpOptions, McpReport, McpSolver, McpStatus, McpStep,
-    McpStrategy, WithJacobian,
+    BoundState, Mcp, McpFunction, McpIteration, McpOptions, McpReport, McpSolver, McpStep, McpStrategy,
+    WithJacobian,
 };
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 use crate::properties::mirrored;
@@ -54,11 +55,8 @@ fn check_point<F: McpFunction>(problem: &Mcp<F>, x: &[f64], report: &McpReport) 
         (report.feasibility, report.complementarity),
         (feasibility, complementarity)
     );
-    assert_eq!(report.is_solved(), report.status == McpStatus::Solved);
-    assert_eq!(
-        report.certificate.is_empty(),
-        report.status != McpStatus::Infeasible
-    );
+    assert_eq!(report.is_solved(), report.status == Status::Solved);
+    assert_eq!(report.certificate.is_empty(), report.status != Status::NoSolution);
 }
 
 /// Iterates are numbered by the steps made so far, including those of linearised problems and along paths; attempts follow one another,
@@ -86,7 +84,7 @@ fn check_history(report: &McpReport, max_iterations: usize) {
     assert!(failed <= steps);
     if !report.is_solved() {
         assert_eq!(failed, steps);
-        assert!(report.fallbacks.iter().all(|f| f.outcome != McpStatus::Solved));
+        assert!(report.fallbacks.iter().all(|f| f.outcome != Status::Solved));
     }
     // Of each attempt no iterate is better than its smallest residual.
     let mut from = 0;

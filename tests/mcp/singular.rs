@@ -1,10 +1,11 @@
 //! Singular systems: without solutions they are never solved, however far out; regular ones are, however far out their solution is.
 
 use proptest::prelude::*;
-use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
+use semismooth::complementarity::active_set::ActiveSetSolver;
 use semismooth::complementarity::{Autodiff, Lcp, Mcp, McpFunction, McpSolver, SmoothFunction, WithJacobian};
 use semismooth::newton::Newton;
 use semismooth::piecewise::Real;
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 use crate::random::Random;
@@ -48,7 +49,7 @@ fn found(a: &[Vec<f64>], b: &[f64], start: &[f64]) -> Vec<(&'static str, Vec<f64
     note("own", solved, &x);
     x.copy_from_slice(start);
     let report = ActiveSetSolver::default().solve(&lcp, &mut x).unwrap();
-    note("active set", report.status == ActiveSetStatus::Solved, &x);
+    note("active set", report.status == Status::Solved, &x);
     x.copy_from_slice(start);
     let solved = Newton::default().solve(&own, &mut x).is_ok();
     note("newton", solved, &x);

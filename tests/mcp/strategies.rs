@@ -3,9 +3,10 @@
 use std::cell::Cell;
 
 use semismooth::complementarity::{
-    BoundState, ComplementarityError, Mcp, McpFunction, McpOptions, McpSolver, McpStatus, McpStep,
-    McpStrategy, WithJacobian,
+    BoundState, ComplementarityError, Mcp, McpFunction, McpOptions, McpSolver, McpStep, McpStrategy,
+    WithJacobian,
 };
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 use crate::properties::known;
@@ -105,7 +106,7 @@ fn enumeration_alone_rules_a_small_problem_out() {
     let mut solver = only(&[Enumeration]);
     assert_eq!(
         solver.solve(&problem, &mut [1.0]).unwrap().status,
-        McpStatus::Infeasible
+        Status::NoSolution
     );
 }
 
@@ -145,7 +146,7 @@ fn proximal_points_distinguish_solvable_problems() {
             if feasible {
                 assert!(x[0].abs() < 1e-8 && (x[1] - c).abs() < 1e-8, "{x:?}");
             } else {
-                assert_eq!(report.status, McpStatus::Infeasible, "{c} from {start:?}");
+                assert_eq!(report.status, Status::NoSolution, "{c} from {start:?}");
                 // vᵀF < 0 everywhere in the box: v = (±1, 0).
                 assert_eq!(report.certificate, [if c > 10.0 { 1.0 } else { -1.0 }, 0.0]);
             }
@@ -451,7 +452,7 @@ fn points_tried_for_a_domain_lie_inside_the_bounds() {
         let problem = Mcp::new(nowhere, vec![lower; 2], vec![upper; 2]).unwrap();
         let mut solver = McpSolver::default();
         let report = solver.solve(&problem, &mut [1.0; 2]).unwrap();
-        assert!(matches!(report.status, McpStatus::EvaluationFailure { .. }));
+        assert!(matches!(report.status, Status::EvaluationFailure { .. }));
         assert!(tried.get() > 30, "{}", tried.get());
         assert_eq!(inside.get(), tried.get(), "{lower} {upper}");
     }

@@ -2,8 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use semismooth::newton::{Damping, Failure, Newton, NewtonError, NewtonOptions, Step};
+use semismooth::newton::{Damping, Newton, NewtonError, NewtonOptions, Step};
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 use crate::maps::two_pieces;
@@ -69,7 +70,7 @@ fn a_run_that_is_stopped_gives_its_best_point() {
             let Err(NewtonError::Failed(failed)) = stopped else {
                 continue;
             };
-            assert_eq!(failed.reason, Failure::Interrupted);
+            assert_eq!(failed.status, Status::Interrupted);
             let history = failed.report.history.iter().map(|i| i.residual_norm);
             let least = history.fold(start, f64::min);
             assert!(norm(&x) <= least, "{k} {last}: {} after {least}", norm(&x));

@@ -3,10 +3,9 @@
 use std::ops::ControlFlow;
 
 use semismooth::linear::{IncompleteLu, KrylovMethod, LinearError, LinearOperator};
-use semismooth::newton::{
-    Damping, Failure, Forcing, Newton, NewtonError, NewtonKrylov, NewtonKrylovOptions, Step,
-};
+use semismooth::newton::{Damping, Forcing, Newton, NewtonError, NewtonKrylov, NewtonKrylovOptions, Step};
 use semismooth::piecewise::{Assembled, MatrixFree, Semismooth};
+use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 
 /// −Δu + eᵘ + 40 (u − 0.02)₊ = 8 on m × m points, times h².
@@ -244,11 +243,11 @@ fn solve(map: &mut Scalar, damping: Damping, x: &mut [f64; 3]) -> Result<(), New
         .map(drop)
 }
 
-fn reason(error: NewtonError) -> Failure {
+fn reason(error: NewtonError) -> Status {
     match error {
         NewtonError::Failed(unsolved) => {
             assert!(unsolved.x.iter().all(|x| x.is_finite()) && unsolved.residual_norm.is_finite());
-            unsolved.reason
+            unsolved.status
         }
         other => panic!("{other}"),
     }
@@ -291,7 +290,7 @@ fn failures_are_typed_and_keep_the_best_iterate() {
             let why = reason(solve(&mut map, damping, &mut x).unwrap_err());
             let known = matches!(
                 why,
-                Failure::Stagnation | Failure::Linear { .. } | Failure::MaxIterations
+                Status::Stalled | Status::Linear { .. } | Status::IterationLimit
             );
             assert!(known, "{damping:?} {why:?}");
             assert!(x.iter().all(|x| x.abs() <= 3.0));
@@ -301,18 +300,20 @@ fn failures_are_typed_and_keep_the_best_iterate() {
     let mut map = Scalar::new(|x| (x - 1.0, if x > 0.5 { f64::NAN } else { 0.5 }));
     let mut x = [0.0; 3];
     let why = reason(solve(&mut map, Damping::OnTrouble, &mut x).unwrap_err());
-    assert_eq!(why, Failure::NotFinite);
+    assert_eq!(why, Status::EvaluationFailure { component: 0 });
     // Derivatives that vanish.
     let mut map = Scalar::new(|_| (1.0, 0.0));
     let why = reason(solve(&mut map, Damping::OnTrouble, &mut [0.0; 3]).unwrap_err());
     assert!(
-        matches!(why, Failure::Linear { residual } if residual == 1.0),
+        matches!(why, Status::Linear { residual } if residual == 1.0),
         "{why:?}"
     );
     // A start where H is NaN or infinite.
     let mut map = Scalar::new(|x| (x.sqrt(), 1.0));
     match solve(&mut map, Damping::OnTrouble, &mut [-1.0; 3]).unwrap_err() {
-        NewtonError::Failed(unsolved) => assert_eq!(unsolved.reason, Failure::NotFinite),
+        NewtonError::Failed(unsolved) => {
+            assert_eq!(unsolved.status, Status::EvaluationFailure { component: 0 })
+        }
         other => panic!("{other}"),
     }
 }
@@ -389,7 +390,7 @@ fn turns_are_solved_by_steepest_descent() {
     assert_eq!((x, steps), ([2.0, -1.0], vec![Step::Gradient, Step::None]));
     let why = reason(solve(Damping::Never, &mut [5.0, -7.0]).0.unwrap_err());
     assert!(
-        matches!(why, Failure::Linear { residual } if residual == 1.0),
+        matches!(why, Status::Linear { residual } if residual == 1.0),
         "{why:?}"
     );
 }

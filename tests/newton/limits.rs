@@ -3,8 +3,9 @@
 use std::cell::Cell;
 
 use semismooth::linear::DenseLu;
-use semismooth::newton::{Convergence, Damping, Failure, MoorePenrose, Newton, NewtonError, NewtonOptions};
+use semismooth::newton::{Convergence, Damping, MoorePenrose, Newton, NewtonError, NewtonOptions};
 use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection, Semismooth};
+use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 
 use crate::maps::one_piece;
@@ -210,14 +211,12 @@ fn maps_that_are_not_finite_fail_by_name() {
     Newton::default().solve(&log, &mut x).unwrap();
     assert!((x[0] - (-5.0_f64).exp()).abs() < 1e-14);
     let reason = |map: &dyn PiecewiseSmooth, start: f64| match Newton::default().solve(map, &mut [start]) {
-        Err(NewtonError::Failed(u)) => u.reason,
+        Err(NewtonError::Failed(u)) => u.status,
         other => panic!("{other:?}"),
     };
-    assert_eq!(reason(&log, -1.0), Failure::NotFinite);
-    assert_eq!(
-        reason(&scalar(|x| x - 1.0, |_| f64::NAN), 0.0),
-        Failure::NotFinite
-    );
+    let told = Status::EvaluationFailure { component: 0 };
+    assert_eq!(reason(&log, -1.0), told);
+    assert_eq!(reason(&scalar(|x| x - 1.0, |_| f64::NAN), 0.0), told);
 }
 
 #[test]
@@ -241,7 +240,7 @@ fn an_unsolvable_problem_keeps_its_best_iterate_and_history() {
     match Newton::default().solve(&flat, &mut x) {
         Err(NewtonError::Failed(u)) => {
             assert!((u.residual_norm - 1.0).abs() < 1e-9);
-            assert!(matches!(u.reason, Failure::Stationary { .. }), "{:?}", u.reason);
+            assert!(matches!(u.status, Status::Stationary { .. }), "{:?}", u.status);
         }
         other => panic!("{other:?}"),
     }
@@ -253,7 +252,7 @@ fn iterations_are_limited() {
     let options = NewtonOptions::default().with_max_iterations(5);
     match Newton::new(options).solve(&map, &mut [100.0]) {
         Err(NewtonError::Failed(u)) => {
-            assert_eq!(u.reason, Failure::MaxIterations);
+            assert_eq!(u.status, Status::IterationLimit);
             assert_eq!(u.report.history.len(), 6);
         }
         other => panic!("{other:?}"),

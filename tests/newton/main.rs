@@ -17,8 +17,9 @@ use std::ops::ControlFlow;
 
 use proptest::prelude::*;
 use semismooth::linear::AutoSolver;
-use semismooth::newton::{Damping, Failure, MoorePenrose, Newton, NewtonError, NewtonOptions, Step};
+use semismooth::newton::{Damping, MoorePenrose, Newton, NewtonError, NewtonOptions, Step};
 use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection, Selections, Semismooth};
+use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 
 use maps::{one_piece, two_pieces};
@@ -138,7 +139,7 @@ fn a_cycle_of_full_steps_is_left() {
         newton.solve(&lcp, &mut x).unwrap();
         assert!(close(&x, &exact[0], 1e-12));
         if let Err(NewtonError::Failed(failed)) = plain {
-            assert_eq!(failed.reason, Failure::MaxIterations);
+            assert_eq!(failed.status, Status::IterationLimit);
             cycles += 1;
             let out = newton.report().history.iter();
             let ways = out.filter(|i| {
@@ -201,7 +202,7 @@ fn a_singular_start_is_left() {
     // Without damping the run fails.
     let never = NewtonOptions::default().with_damping(Damping::Never);
     match Newton::new(never).solve(&map, &mut [0.0, 0.0]) {
-        Err(NewtonError::Failed(u)) => assert_eq!(u.reason, Failure::Singular),
+        Err(NewtonError::Failed(u)) => assert_eq!(u.status, Status::Singular),
         other => panic!("{other:?}"),
     }
 }
@@ -234,7 +235,7 @@ fn an_observer_sees_every_iteration_and_may_stop() {
     };
     match newton.solve_observed(&map, &mut x, stop) {
         Err(NewtonError::Failed(u)) => {
-            assert_eq!(u.reason, Failure::Interrupted);
+            assert_eq!(u.status, Status::Interrupted);
             assert_eq!(u.report.history.len(), 3);
             assert!(u.residual_norm < 1e4 && u.x == x);
         }

@@ -1,8 +1,9 @@
 //! Histories against independent runs: steps by elimination, step lengths by halving, residuals from the formula.
 
 use proptest::prelude::*;
-use semismooth::newton::{Convergence, Damping, Failure, Newton, NewtonError, NewtonOptions, Step};
+use semismooth::newton::{Convergence, Damping, Newton, NewtonError, NewtonOptions, Step};
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 use super::dense::{eliminate, norm};
@@ -216,9 +217,9 @@ fn steps_at_singular_jacobians_are_those_of_least_squares() {
             Ok(_) => assert_eq!(r, 0.0),
             Err(NewtonError::Failed(u)) => {
                 assert!(
-                    matches!(u.reason, Failure::Stationary { gradient_norm } if gradient_norm < 1e-12),
+                    matches!(u.status, Status::Stationary { gradient_norm } if gradient_norm < 1e-12),
                     "{:?}",
-                    u.reason
+                    u.status
                 );
                 assert!(r > 0.0 && (u.residual_norm - r).abs() < 1e-13 && u.x == x);
             }

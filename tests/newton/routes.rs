@@ -2,8 +2,9 @@
 
 use std::cell::Cell;
 
-use semismooth::newton::{Convergence, Damping, Failure, Newton, NewtonError, NewtonOptions};
+use semismooth::newton::{Convergence, Damping, Newton, NewtonError, NewtonOptions};
 use semismooth::piecewise::{PiecewiseSmooth, Selection, Semismooth};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 use crate::maps::one_piece;
@@ -131,7 +132,7 @@ fn residuals_that_rest_at_rounding_are_solved() {
         .with_max_iterations(30);
     let end = Newton::new(options).solve(&high, &mut [5.0]);
     assert!(
-        matches!(&end, Err(NewtonError::Failed(left)) if left.reason == Failure::MaxIterations),
+        matches!(&end, Err(NewtonError::Failed(left)) if left.status == Status::IterationLimit),
         "{end:?}"
     );
 }

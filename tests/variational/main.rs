@@ -13,9 +13,10 @@ use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::enumeration::{Completeness, EnumerationOptions};
 use semismooth::newton::Newton;
 use semismooth::piecewise::check::{CheckOptions, check};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 use semismooth::variational::{
-    Infeasibility, Multipliers, Polyhedron, Projection, Vi, ViSolutions, ViSolver, ViStatus,
+    Infeasibility, Multipliers, Polyhedron, Projection, Vi, ViSolutions, ViSolver,
 };
 
 const INF: f64 = f64::INFINITY;
@@ -161,7 +162,7 @@ proptest! {
         let vi = Vi::new(&f, data.set()).unwrap();
         let mut x = x;
         let report = ViSolver::default().solve(&vi, &mut x).unwrap();
-        if report.status == ViStatus::EmptySet {
+        if report.status == Status::EmptySet {
             prop_assert!(data.proves_empty(&report.infeasibility.unwrap()));
             return Ok(());
         }
@@ -209,7 +210,7 @@ fn unbounded_programs_are_refuted_by_a_ray() {
     let vi = Vi::new(f, set).unwrap();
     let mut x = [3.0, -4.0];
     let report = ViSolver::default().solve(&vi, &mut x).unwrap();
-    assert_eq!(report.status, ViStatus::NoSolution);
+    assert_eq!(report.status, Status::NoSolution);
     let ray = report.ray.unwrap();
     let v = &ray.direction;
     assert!(rows.iter().all(|row| dot(row, v) <= 1e-12));
@@ -234,7 +235,7 @@ fn rays_satisfy_their_definition() {
     let f = AffineFunction::new(matrix(&m, 5), q.to_vec()).unwrap();
     let vi = Vi::new(f, data.set()).unwrap();
     let report = ViSolver::default().solve(&vi, &mut [0.0; 5]).unwrap();
-    assert_eq!(report.status, ViStatus::NoSolution);
+    assert_eq!(report.status, Status::NoSolution);
     let ray = report.ray.unwrap();
     let (v, by) = (&ray.direction, &ray.multipliers);
     let small = 1e-9 * (1.0 + v.iter().fold(0.0_f64, |m, v| m.max(v.abs())));
@@ -294,7 +295,7 @@ fn nearly_feasible_empty_sets_have_no_solution() {
             if sign > 0.0 {
                 assert!(report.is_solved(), "{delta:e} {far} {size}: {report}");
             } else {
-                assert_eq!(report.status, ViStatus::EmptySet, "{delta:e} {far} {size}");
+                assert_eq!(report.status, Status::EmptySet, "{delta:e} {far} {size}");
                 assert_eq!(report.infeasibility.unwrap().radius, INF);
             }
         }
@@ -607,7 +608,7 @@ fn transport_that_balances_in_decimals_has_a_plan() {
         let report = ViSolver::default()
             .solve(&Vi::new(plan, set).unwrap(), &mut x)
             .unwrap();
-        assert_eq!(report.status, ViStatus::Solved, "{d:?}");
+        assert_eq!(report.status, Status::Solved, "{d:?}");
         for (row, d) in rows.iter().zip(d) {
             let sum: f64 = row.iter().zip(&x).map(|(a, x)| a * x).sum();
             assert!(

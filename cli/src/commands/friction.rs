@@ -53,7 +53,7 @@ pub(super) fn run(arguments: &FrictionArgs, out: &mut dyn Write) -> Result<(), C
     if prints {
         writeln!(
             out,
-            "{:<32} {:>8} {:>10} {:>9} {:>8} {:>5} {:>5} {:>5}",
+            "{:<32} {:>8} {:>15} {:>9} {:>8} {:>5} {:>5} {:>5}",
             "problem", "contacts", "status", "residual", "seconds", "open", "stick", "slip"
         )?;
     }
@@ -148,7 +148,7 @@ fn tell(arguments: &FrictionArgs, outcome: &Outcome, out: &mut dyn Write) -> Res
     } else if !arguments.quiet {
         writeln!(
             out,
-            "{name:<32.32} {contacts:>8} {status:>10} {residual:>9.1e} {seconds:>8.3} {open:>5} {stick:>5} {slip:>5}"
+            "{name:<32.32} {contacts:>8} {status:>15} {residual:>9.1e} {seconds:>8.3} {open:>5} {stick:>5} {slip:>5}"
         )?;
     }
     Ok(())

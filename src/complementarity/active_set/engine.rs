@@ -1,6 +1,6 @@
 use std::ops::ControlFlow;
 
-use super::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Exchange, Start};
+use super::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, Exchange, Start};
 use crate::complementarity::accuracy::{LARGEST, drop_rounding, point, unit};
 use crate::complementarity::blocks::Blocks;
 use crate::complementarity::columns::BoxLcp;
@@ -8,6 +8,7 @@ use crate::complementarity::problem::natural;
 use crate::complementarity::{BoundState, ComplementarityError};
 use crate::judge::{Columns, Judge};
 use crate::linear::{LinearError, Scaling};
+use crate::run::Status;
 
 /// Relative accuracy asked of iterative solves while the sets still change much.
 const COARSE: f64 = 5e-2;
@@ -143,8 +144,8 @@ impl Engine {
             Ok(status) => status,
             Err(ComplementarityError::Linear(
                 LinearError::Singular { .. } | LinearError::NotPositiveDefinite,
-            )) => ActiveSetStatus::Singular,
-            Err(ComplementarityError::Linear(LinearError::Inaccurate { .. })) => ActiveSetStatus::Inaccurate,
+            )) => Status::Singular,
+            Err(ComplementarityError::Linear(LinearError::Inaccurate { .. })) => Status::Inaccurate,
             Err(e) => return Err(e),
         };
         lcp.value(z, &mut self.w);
@@ -235,7 +236,7 @@ impl Engine {
         z: &mut [f64],
         sets: Option<&[BoundState]>,
         observe: &mut dyn FnMut(&ActiveSetIteration) -> ControlFlow<()>,
-    ) -> Result<ActiveSetStatus, ComplementarityError> {
+    ) -> Result<Status, ComplementarityError> {
         let n = z.len();
         // A start so far out gives no information on the solution, and F may overflow there.
         if z.iter().any(|z| z.abs() > LARGEST) {
@@ -259,7 +260,7 @@ impl Engine {
         let mut may_restart = sets.is_none();
         loop {
             if self.history.len() == self.options.max_iterations {
-                return Ok(ActiveSetStatus::IterationLimit);
+                return Ok(Status::IterationLimit);
             }
             if changes > 0 {
                 self.states.copy_from_slice(&self.next);
@@ -292,10 +293,10 @@ impl Engine {
             };
             self.history.push(iteration);
             if observe(&iteration).is_break() {
-                return Ok(ActiveSetStatus::Interrupted);
+                return Ok(Status::Interrupted);
             }
             if !residual.is_finite() {
-                return Ok(ActiveSetStatus::Inaccurate);
+                return Ok(Status::Inaccurate);
             }
             let reached = self.size(z);
             if reached <= ROUNDING * largest {
@@ -340,16 +341,16 @@ impl Engine {
         z: &mut [f64],
         direct: bool,
         refinements: &mut usize,
-    ) -> Option<ActiveSetStatus> {
+    ) -> Option<Status> {
         self.clamp(lcp, z);
         lcp.value(z, &mut self.w);
         if self.is_solution(lcp, direct, z) {
-            return Some(ActiveSetStatus::Solved);
+            return Some(Status::Solved);
         }
         *refinements += 1;
         (*refinements > REFINEMENTS).then(|| match self.is_solution_without_rounding(lcp, direct, z) {
-            true => ActiveSetStatus::Solved,
-            false => ActiveSetStatus::Inaccurate,
+            true => Status::Solved,
+            false => Status::Inaccurate,
         })
     }
 

@@ -12,7 +12,7 @@ const DIRECTIONS: usize = 40;
 /// matrix unless another one is given.
 ///
 /// The preconditioner is given the whole matrix, rows and columns that are not free replaced by those of the identity. A solve that does
-/// not converge ends the run as [`Inaccurate`](super::ActiveSetStatus::Inaccurate).
+/// not converge ends the run as [`Inaccurate`](crate::run::Status::Inaccurate).
 ///
 /// ```
 /// use semismooth::complementarity::{Lcp, active_set::{ActiveSetOptions, ActiveSetSolver, GmresReduced}};

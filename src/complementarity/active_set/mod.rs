@@ -17,6 +17,6 @@ pub use direct::DirectReduced;
 pub use iterative::MultigridReduced;
 pub use krylov::GmresReduced;
 pub use nested::{LevelReport, Nested, NestedReport};
-pub use options::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Exchange};
+pub use options::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, Exchange};
 pub use reduced::{AutoReduced, ReducedSolver, Start};
 pub use solver::ActiveSetSolver;

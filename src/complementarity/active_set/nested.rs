@@ -3,15 +3,14 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::engine::Engine;
-use super::{
-    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, MultigridReduced, Start,
-};
+use super::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, MultigridReduced, Start};
 use crate::complementarity::columns::BoxLcp;
 use crate::complementarity::error::check_finite;
 use crate::complementarity::problem::check_bounds;
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};
 use crate::judge::Columns;
 use crate::linear::{LinearError, Prolongation, Rows, affine_prolongation, coarse_problem};
+use crate::run::Status;
 
 /// Tolerance on coarser levels, whose solutions are starts only.
 const COARSE_TOLERANCE: f64 = 1e-6;
@@ -66,10 +65,8 @@ pub struct NestedReport {
 impl NestedReport {
     /// How the finest level ended.
     #[must_use]
-    pub fn status(&self) -> ActiveSetStatus {
-        self.levels
-            .last()
-            .map_or(ActiveSetStatus::Inaccurate, |l| l.report.status)
+    pub fn status(&self) -> Status {
+        self.levels.last().map_or(Status::Inaccurate, |l| l.report.status)
     }
 }
 

@@ -1,6 +1,8 @@
+use std::fmt;
+
 use crate::complementarity::ComplementarityError;
 use crate::options::setters;
-use std::fmt;
+use crate::run::Status;
 
 /// Options of [`ActiveSetSolver`](super::ActiveSetSolver). The defaults suit most problems.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,23 +66,6 @@ impl ActiveSetOptions {
     }
 }
 
-/// How a run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum ActiveSetStatus {
-    /// At a solution, to the tolerance at the point returned.
-    Solved,
-    /// At the limit on iterations.
-    IterationLimit,
-    /// A reduced matrix is singular (or, for iterative solves, not positive definite): not a P matrix.
-    Singular,
-    /// The reduced systems could not be solved accurately enough to go on.
-    Inaccurate,
-    /// The observer asked to stop.
-    Interrupted,
-}
-
 /// One iteration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -117,26 +102,15 @@ pub enum Exchange {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ActiveSetReport {
-    /// How it ended.
-    pub status: ActiveSetStatus,
+    /// How it ended: [`Singular`](Status::Singular) if a reduced matrix is (or, for iterative solves, is not positive definite), so that M
+    /// is no P matrix; [`Inaccurate`](Status::Inaccurate) if the reduced systems could not be solved accurately enough to go on.
+    pub status: Status,
     /// Natural residual of the point returned.
     pub residual: f64,
     /// Iterations: reduced systems solved.
     pub iterations: usize,
     /// Iterations of the linear solver in all; 0 for a direct one.
     pub linear_iterations: usize,
-}
-
-impl fmt::Display for ActiveSetStatus {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Solved => "solved",
-            Self::IterationLimit => "iteration limit",
-            Self::Singular => "singular reduced matrix",
-            Self::Inaccurate => "reduced systems not solved accurately enough",
-            Self::Interrupted => "interrupted",
-        })
-    }
 }
 
 impl fmt::Display for ActiveSetReport {

@@ -15,7 +15,8 @@ use crate::complementarity::{BoundState, ComplementarityError, Lcp};
 /// A solver that is used again for problems of the same size with full matrices of at most 64 unknowns allocates nothing.
 ///
 /// ```
-/// use semismooth::complementarity::{Lcp, active_set::{ActiveSetSolver, ActiveSetStatus}};
+/// use semismooth::complementarity::{Lcp, active_set::ActiveSetSolver};
+/// use semismooth::run::Status;
 /// use semismooth::sparse::Matrix;
 /// // Murty's example of exponential length for Lemke's method: 1 on the diagonal, 2 below.
 /// let n = 40;
@@ -23,7 +24,7 @@ use crate::complementarity::{BoundState, ComplementarityError, Lcp};
 /// let lcp = Lcp::new(Matrix::from_rows(&rows)?, vec![-1.0; n])?;
 /// let mut z = vec![0.0; n];
 /// let report = ActiveSetSolver::default().solve(&lcp, &mut z)?;
-/// assert_eq!(report.status, ActiveSetStatus::Solved);
+/// assert_eq!(report.status, Status::Solved);
 /// assert!(report.iterations <= 100);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

@@ -8,12 +8,13 @@ use std::ops::ControlFlow;
 use ratio::Block;
 
 use super::basis::Basis;
-use super::{LemkeOptions, LemkePivot, LemkeReport, LemkeStatus};
+use super::{LemkeOptions, LemkePivot, LemkeReport};
 use crate::complementarity::columns::BoxLcp;
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::judge::Judge;
 use crate::linear::LinearError;
 use crate::piecewise::is_ordinary;
+use crate::run::Status;
 use crate::spread::golden;
 
 /// Exchanges after which the values of the basic variables are compared with the equations.
@@ -66,12 +67,13 @@ enum Side {
 /// inaccurate. A solver that is used again allocates nothing for problems that are not larger than the first.
 ///
 /// ```
-/// use semismooth::complementarity::{Lcp, pivoting::{Lemke, LemkeStatus}};
+/// use semismooth::complementarity::{Lcp, pivoting::Lemke};
+/// use semismooth::run::Status;
 /// use semismooth::sparse::Matrix;
 /// let lcp = Lcp::new(Matrix::from_rows(&[[2.0, 1.0], [1.0, 2.0]])?, vec![-5.0, -1.0])?;
 /// let mut z = [0.0; 2];
 /// let report = Lemke::default().solve(&lcp, &mut z)?;
-/// assert_eq!(report.status, LemkeStatus::Solved);
+/// assert_eq!(report.status, Status::Solved);
 /// assert_eq!(z, [2.5, 0.0]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -163,7 +165,7 @@ impl Lemke {
         self.solve_observed(lcp, z, |_| ControlFlow::Continue(()))
     }
 
-    /// [`solve`](Self::solve), reporting each exchange to `observe`, which may stop the run; it then ends as [`LemkeStatus::Interrupted`].
+    /// [`solve`](Self::solve), reporting each exchange to `observe`, which may stop the run; it then ends as [`Status::Interrupted`].
     ///
     /// # Errors
     /// As [`solve`](Self::solve).
@@ -194,26 +196,24 @@ impl Lemke {
                 label,
             } = &self.options;
             let chosen = covering.is_some() || max_pivots.is_some() || label.is_some();
-            if status != LemkeStatus::PivotLimit || chosen || self.turn == TURNS {
+            if status != Status::IterationLimit || chosen || self.turn == TURNS {
                 break status;
             }
             self.turn += 1;
         };
         self.point(lcp, z);
         lcp.value(z, &mut self.work);
-        let wrong = status == LemkeStatus::Solved
+        let wrong = status == Status::Solved
             && !self.is_solution(lcp, z)
             && !self.is_solution_without_rounding(lcp, z);
         let mut report = LemkeReport {
-            status: if wrong { LemkeStatus::Inaccurate } else { status },
+            status: if wrong { Status::Inaccurate } else { status },
             pivots,
             refactorisations: self.refactorisations,
             residual: BoxLcp::from(lcp).natural_residual(z, &self.work),
         };
-        if let LemkeStatus::Ray { .. } = status {
-            report.status = LemkeStatus::Ray {
-                infeasible: self.proves_infeasibility(lcp),
-            };
+        if status == Status::Ray && self.proves_infeasibility(lcp) {
+            report.status = Status::NoSolution;
         }
         Ok(report)
     }
@@ -385,13 +385,13 @@ impl Lemke {
         limit: usize,
         pivots: &mut usize,
         observe: &mut dyn FnMut(&LemkePivot) -> ControlFlow<()>,
-    ) -> Result<LemkeStatus, ComplementarityError> {
+    ) -> Result<Status, ComplementarityError> {
         let mut at_upper = false;
         let mut leaving = match self.options.label {
             Some(label) => self.check_label(lcp, label)?,
             None => {
                 let Some(slot) = self.enter_cover() else {
-                    return Ok(LemkeStatus::Solved);
+                    return Ok(Status::Solved);
                 };
                 let leaving = self.basic[slot];
                 self.exchange(slot, Var::Cover);
@@ -407,10 +407,10 @@ impl Lemke {
         loop {
             let (entering, direction) = self.complement(leaving, at_upper);
             if pivots.is_multiple_of(CHECK_EVERY) && !self.verify(lcp)? {
-                return Ok(LemkeStatus::Inaccurate);
+                return Ok(Status::Inaccurate);
             }
             if *pivots >= limit {
-                return Ok(LemkeStatus::PivotLimit);
+                return Ok(Status::IterationLimit);
             }
             let cover = self.basic.iter().position(|v| *v == Var::Cover);
             let pivot = LemkePivot {
@@ -419,7 +419,7 @@ impl Lemke {
                 cover: cover.map_or(0.0, |slot| self.value[slot]) / unit,
             };
             if observe(&pivot).is_break() {
-                return Ok(LemkeStatus::Interrupted);
+                return Ok(Status::Interrupted);
             }
             self.column(lcp, entering);
             *pivots += 1;
@@ -433,12 +433,12 @@ impl Lemke {
                         continue;
                     }
                     self.record_ray(entering, direction);
-                    return Ok(LemkeStatus::Ray { infeasible: false });
+                    return Ok(Status::Ray);
                 }
                 Block::Flip { step } => {
                     self.advance(step, direction);
                     let Var::Point(i) = entering else {
-                        return Ok(LemkeStatus::Inaccurate);
+                        return Ok(Status::Inaccurate);
                     };
                     at_upper = direction > 0.0;
                     self.side[i] = if at_upper { Side::Upper } else { Side::Lower };

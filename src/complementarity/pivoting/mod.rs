@@ -8,4 +8,4 @@ mod lemke;
 mod options;
 
 pub use lemke::Lemke;
-pub use options::{LemkeOptions, LemkePivot, LemkeReport, LemkeStatus};
+pub use options::{LemkeOptions, LemkePivot, LemkeReport};

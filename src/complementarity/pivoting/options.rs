@@ -1,5 +1,6 @@
 use std::fmt;
 
+use crate::run::Status;
 use crate::words::{Count, Size};
 
 /// Options of [`Lemke`](super::Lemke). The defaults suit most problems.
@@ -47,59 +48,6 @@ impl LemkeOptions {
     }
 }
 
-/// How a path of Lemke's method ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum LemkeStatus {
-    /// At a solution: each component to 1e-10 relative to the terms of its row, as checked at the point returned
-    /// ([accuracy](crate::complementarity#accuracy)).
-    Solved,
-    /// On a secondary ray, whose direction is [`Lemke::ray`](super::Lemke::ray). If `infeasible`, that direction v is, up to rounding, a
-    /// certificate that no z ≥ 0 has M z + q ≥ 0 (v ≥ 0, Mᵀv ≤ 0, qᵀv < 0), and exact arithmetic has confirmed that there is none, hence no
-    /// solution. Otherwise there may be one; with many unknowns (more than 5 000 entries, zeros counted, in the rows of v and so in all)
-    /// only a v whose entries have simple ratios is confirmed.
-    Ray {
-        /// Whether the direction proves that there is no solution.
-        infeasible: bool,
-    },
-    /// At the limit on exchanges.
-    PivotLimit,
-    /// Stopped by the observer.
-    Interrupted,
-    /// Rounding destroyed the basis: no exchange with an acceptable pivot, or a solution that does not satisfy the equations.
-    Inaccurate,
-}
-
-impl LemkeStatus {
-    /// One or two words: "solved" exactly if the problem is solved, "infeasible" exactly if it is proven to have no solution.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Solved => "solved",
-            Self::Ray { infeasible: true } => "infeasible",
-            Self::Ray { infeasible: false } => "ray",
-            Self::PivotLimit => "pivot limit",
-            Self::Interrupted => "interrupted",
-            Self::Inaccurate => "inaccurate",
-        }
-    }
-}
-
-impl fmt::Display for LemkeStatus {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Ray { infeasible: true } => "there is no solution, as the direction of a ray proves",
-            Self::Ray { infeasible: false } => {
-                "the path ends on a ray, which does not decide whether there is a solution"
-            }
-            Self::PivotLimit => "limit on exchanges",
-            Self::Inaccurate => "rounding destroyed the basis",
-            other => other.name(),
-        })
-    }
-}
-
 /// One exchange.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -119,8 +67,14 @@ pub struct LemkePivot {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LemkeReport {
-    /// How it ended.
-    pub status: LemkeStatus,
+    /// How it ended: [`Solved`](Status::Solved) if each component is to 1e-10 relative to the terms of its row, as checked at the point
+    /// returned ([accuracy](crate::complementarity#accuracy)); [`NoSolution`](Status::NoSolution) if the direction v of the ray on which the
+    /// path ended ([`Lemke::ray`](super::Lemke::ray)) is, up to rounding, a certificate that no z ≥ 0 has M z + q ≥ 0 (v ≥ 0, Mᵀv ≤ 0,
+    /// qᵀv < 0), and exact arithmetic has confirmed that there is none; otherwise [`Ray`](Status::Ray), and there may be a solution: with
+    /// many unknowns (more than 5 000 entries, zeros counted, in the rows of v and so in all) only a v whose entries have simple ratios is
+    /// confirmed. [`IterationLimit`](Status::IterationLimit) is that on exchanges, and [`Inaccurate`](Status::Inaccurate) says that rounding
+    /// destroyed the basis: no exchange with an acceptable pivot, or a solution that does not satisfy the equations.
+    pub status: Status,
     /// Exchanges made.
     pub pivots: usize,
     /// How often the inverse was recomputed.

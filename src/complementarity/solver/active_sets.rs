@@ -5,9 +5,8 @@ use std::ops::ControlFlow;
 use super::{McpIteration, McpOptions, McpReport, McpStep, McpStrategy, Parts};
 use crate::clock::Clock;
 use crate::complementarity::Lcp;
-use crate::complementarity::active_set::{
-    ActiveSetIteration, ActiveSetOptions, ActiveSetSolver, ActiveSetStatus,
-};
+use crate::complementarity::active_set::{ActiveSetIteration, ActiveSetOptions, ActiveSetSolver};
+use crate::run::Status;
 use crate::sparse::Matrix;
 
 /// Number of components from which active sets come first: below, full steps of the natural map, which are the same iteration, take less
@@ -72,12 +71,7 @@ pub(super) fn start(
     };
     // Whether the point is a solution is judged by the run that follows, whatever is said of it here.
     let found = solver.solve_observed(&lcp, &mut z, None, told);
-    if found.is_ok_and(|found| {
-        matches!(
-            found.status,
-            ActiveSetStatus::Solved | ActiveSetStatus::Inaccurate
-        )
-    }) {
+    if found.is_ok_and(|found| matches!(found.status, Status::Solved | Status::Inaccurate)) {
         x.copy_from_slice(&z);
     }
 }

@@ -1,9 +1,10 @@
 //! The globalised iteration that most strategies use: steps of the natural map or of Φ while they reduce the merit, and a few without
 //! decrease (watchdog technique).
 
+use super::McpStep;
 use super::engine::Engine;
 use super::plan::Plan;
-use super::{McpStatus, McpStep};
+use crate::run::Status;
 use crate::sparse::max_abs;
 
 /// A merit above this part of the best one counts as hardly reduced; so many such steps in a row end the descent.
@@ -77,9 +78,9 @@ impl Descent {
 
 impl Engine<'_> {
     /// The globalised iteration from `work.here.x`.
-    pub(super) fn descend(&mut self, plan: &Plan) -> McpStatus {
+    pub(super) fn descend(&mut self, plan: &Plan) -> Status {
         let inside = self.options.stay_inside || plan.proximal > 0.0;
-        let failure = |e: &Self| McpStatus::EvaluationFailure {
+        let failure = |e: &Self| Status::EvaluationFailure {
             component: e.bad_component.unwrap_or(0),
         };
         if !self.clamp_all() {
@@ -128,7 +129,7 @@ impl Engine<'_> {
             self.accept_trial();
             psi = self.merit(plan);
         }
-        McpStatus::IterationLimit
+        Status::IterationLimit
     }
 
     /// Re-equilibrates where factors are outdated, and returns the merit. Only at the best point: factors from an excursion would hide
@@ -151,7 +152,7 @@ impl Engine<'_> {
         k: usize,
         (mut residual, psi): (f64, f64),
         watch: &mut Watch,
-    ) -> Option<McpStatus> {
+    ) -> Option<Status> {
         let inside = self.options.stay_inside;
         let solved = if plan.proximal > 0.0 {
             self.is_solution(residual) || self.proximal_residual() <= plan.loose
@@ -163,9 +164,9 @@ impl Engine<'_> {
             }
             found
         };
-        let limit = (k >= plan.max_iterations).then_some(McpStatus::IterationLimit);
+        let limit = (k >= plan.max_iterations).then_some(Status::IterationLimit);
         let status = match solved {
-            true => McpStatus::Solved,
+            true => Status::Solved,
             false => self.exhausted().or(limit)?,
         };
         self.record(residual, psi, McpStep::None, 0.0);

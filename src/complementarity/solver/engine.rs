@@ -4,12 +4,13 @@ use std::ops::ControlFlow;
 
 use super::plan::Plan;
 use super::work::Work;
-use super::{McpIteration, McpOptions, McpReport, McpStatus, McpStep, McpStrategy, Parts};
+use super::{McpIteration, McpOptions, McpReport, McpStep, McpStrategy, Parts};
 use crate::clock::Clock;
 use crate::complementarity::McpFunction;
 use crate::complementarity::fischer::{Gap, component};
 use crate::complementarity::problem::natural;
 use crate::judge::Verdict;
+use crate::run::Status;
 use crate::sparse::max_abs;
 
 /// Iterates beyond this size, relative to the start, count as tending to infinity.
@@ -281,13 +282,13 @@ impl Engine<'_> {
     }
 
     /// A reason to stop altogether.
-    pub(super) fn exhausted(&self) -> Option<McpStatus> {
+    pub(super) fn exhausted(&self) -> Option<Status> {
         if self.interrupted {
-            Some(McpStatus::Interrupted)
+            Some(Status::Interrupted)
         } else if self.report.iterations >= self.options.max_iterations {
-            Some(McpStatus::IterationLimit)
+            Some(Status::IterationLimit)
         } else if self.is_over_time() {
-            Some(McpStatus::TimeLimit)
+            Some(Status::TimeLimit)
         } else {
             None
         }

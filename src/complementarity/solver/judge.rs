@@ -1,10 +1,10 @@
 //! Whether a point is a solution.
 
-use super::McpStatus;
 use super::engine::Engine;
 use super::plan::Plan;
 use crate::complementarity::problem::natural;
 use crate::judge::{Columns, Point, Verdict};
+use crate::run::Status;
 use crate::sparse::max_abs;
 
 /// Distance to zero or to a bound, relative to 1 + ‖x‖, that is treated as rounding error: the point without it is tried as a solution.
@@ -171,14 +171,14 @@ impl Engine<'_> {
     }
 
     /// No step helps: a solution, a stationary point, or neither.
-    pub(super) fn settle(&mut self, plan: &Plan, psi: f64) -> McpStatus {
+    pub(super) fn settle(&mut self, plan: &Plan, psi: f64) -> Status {
         if plan.proximal == 0.0 && self.is_inside() {
             let verdict = self.measure(self.options.tolerance);
             if self.accepts(verdict, self.options.tolerance) {
-                return McpStatus::Solved;
+                return Status::Solved;
             }
             if self.round_off() {
-                return McpStatus::Solved;
+                return Status::Solved;
             }
         }
         if plan.natural {
@@ -193,11 +193,11 @@ impl Engine<'_> {
             m.max((x - y).abs())
         });
         if projected <= 1e-4 * (2.0 * psi).sqrt() {
-            McpStatus::Stationary {
+            Status::Stationary {
                 gradient_norm: projected,
             }
         } else {
-            McpStatus::Stalled
+            Status::Stalled
         }
     }
 }
@@ -241,7 +241,7 @@ mod tests {
                 engine.equilibrate(&plan);
                 let found = if settle {
                     let psi = engine.merit(&plan);
-                    engine.settle(&plan, psi) == McpStatus::Solved
+                    engine.settle(&plan, psi) == Status::Solved
                 } else {
                     let residual = engine.residual();
                     engine.arrives(residual, false)

@@ -19,7 +19,7 @@ mod work;
 use std::ops::ControlFlow;
 
 pub use options::McpOptions;
-pub use report::{BoundState, Fallback, McpIteration, McpReport, McpStatus, McpStep};
+pub use report::{BoundState, Fallback, McpIteration, McpReport, McpStep};
 pub use strategies::McpStrategy;
 
 use super::error::check_finite;

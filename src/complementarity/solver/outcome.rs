@@ -1,14 +1,15 @@
 //! The report of a solve.
 
+use super::BoundState;
 use super::engine::Engine;
 use super::units::measure;
-use super::{BoundState, McpStatus};
+use crate::run::Status;
 
 impl Engine<'_> {
     /// The reason of the attempt that came nearest.
-    pub(super) fn verdict(&self) -> McpStatus {
+    pub(super) fn verdict(&self) -> Status {
         if self.asymptotic {
-            return McpStatus::Unbounded;
+            return Status::Unbounded;
         }
         let nearest = self
             .report
@@ -16,14 +17,14 @@ impl Engine<'_> {
             .iter()
             .min_by(|a, b| a.residual.total_cmp(&b.residual));
         match nearest.map(|f| f.outcome) {
-            Some(McpStatus::IterationLimit) | None => McpStatus::Stalled,
+            Some(Status::IterationLimit) | None => Status::Stalled,
             Some(outcome) => outcome,
         }
     }
 
     /// The status reported for the point nearest to a solution, where no strategy reached the tolerance.
-    fn last_word(&mut self, status: McpStatus) -> McpStatus {
-        let proven = matches!(status, McpStatus::Infeasible | McpStatus::Interrupted);
+    fn last_word(&mut self, status: Status) -> Status {
+        let proven = matches!(status, Status::NoSolution | Status::Interrupted);
         if proven || self.least_error == f64::INFINITY {
             return status;
         }
@@ -34,10 +35,10 @@ impl Engine<'_> {
             let tolerance = self.options.acceptable.max(self.options.tolerance);
             let verdict = self.measure(tolerance);
             if self.accepts(verdict, tolerance) {
-                return McpStatus::Solved;
+                return Status::Solved;
             }
             if verdict.is_rounding() {
-                return McpStatus::AtRounding;
+                return Status::AtRounding;
             }
         }
         let w = &mut *self.work;
@@ -46,9 +47,9 @@ impl Engine<'_> {
     }
 
     /// Writes the best point to `x` and completes the report.
-    pub(super) fn finish(&mut self, mut status: McpStatus, x: &mut [f64]) {
+    pub(super) fn finish(&mut self, mut status: Status, x: &mut [f64]) {
         self.fresh = false;
-        if status != McpStatus::Solved {
+        if status != Status::Solved {
             let w = &mut *self.work;
             match self.best < f64::INFINITY {
                 true => w.here.x.copy_from_slice(&w.seen.best),
@@ -59,7 +60,7 @@ impl Engine<'_> {
         x.copy_from_slice(&self.work.here.x);
         // Evaluated once more, at the point returned.
         let finite = self.evaluate();
-        if status != McpStatus::Solved {
+        if status != Status::Solved {
             self.report.error = f64::NAN;
             if finite && self.jacobian() {
                 self.measure(self.options.tolerance);

@@ -4,84 +4,7 @@ use std::time::Duration;
 use super::McpStrategy;
 use crate::newton::{Tail, observed_order};
 use crate::piecewise::RegularityReport;
-use crate::words::Size;
-
-/// How a solve ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum McpStatus {
-    /// x satisfies the bounds exactly, and each component to the tolerance relative to the terms of its row, as checked at the point
-    /// returned ([accuracy](crate::complementarity#accuracy)).
-    Solved,
-    /// The residual is only the rounding error of its terms, which are so large (or x so far out) that it is not informative: x may be the
-    /// best attainable point.
-    AtRounding,
-    /// A stationary point of the merit function ½‖Φ‖² that is no solution.
-    Stationary {
-        /// Largest component of the projected gradient of the (scaled) merit function.
-        gradient_norm: f64,
-    },
-    /// Iterates or paths tend to infinity; a residual that tends to 0 there does not indicate a solution.
-    Unbounded,
-    /// There is no solution, by exact arithmetic: the report holds a certificate, or (certificate empty) all active sets of a small affine
-    /// problem were ruled out.
-    Infeasible,
-    /// No strategy made progress any more.
-    Stalled,
-    /// The limit on iterations.
-    IterationLimit,
-    /// The limit on time.
-    TimeLimit,
-    /// F (or its Jacobian) is not finite at the start and at all points tried near it, or along every step from the best point.
-    EvaluationFailure {
-        /// First component that is not finite, from 0.
-        component: usize,
-    },
-    /// The observer asked to stop.
-    Interrupted,
-}
-
-impl McpStatus {
-    /// One or two words: "solved" exactly if the problem is solved.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Solved => "solved",
-            Self::AtRounding => "at rounding",
-            Self::Stationary { .. } => "stationary",
-            Self::Unbounded => "unbounded",
-            Self::Infeasible => "infeasible",
-            Self::Stalled => "stalled",
-            Self::IterationLimit => "iteration limit",
-            Self::TimeLimit => "time limit",
-            Self::EvaluationFailure { .. } => "evaluation failure",
-            Self::Interrupted => "interrupted",
-        }
-    }
-}
-
-impl fmt::Display for McpStatus {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Stationary { gradient_norm } => write!(
-                f,
-                "stationary point of the merit function (gradient {}) that is no solution",
-                Size(*gradient_norm)
-            ),
-            Self::AtRounding => {
-                f.write_str("the residual is only the rounding error of terms too large for the tolerance")
-            }
-            Self::Unbounded => f.write_str("the iterates tend to infinity"),
-            Self::Infeasible => f.write_str("there is no solution"),
-            Self::Stalled => f.write_str("no strategy makes progress any more"),
-            Self::EvaluationFailure { component } => {
-                write!(f, "component {component} of the function cannot be evaluated")
-            }
-            other => f.write_str(other.name()),
-        }
-    }
-}
+use crate::run::Status;
 
 /// An attempt that failed, so that another one followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,7 +14,7 @@ pub struct Fallback {
     /// What was tried.
     pub strategy: McpStrategy,
     /// How it ended.
-    pub outcome: McpStatus,
+    pub outcome: Status,
     /// Smallest natural residual of its iterates; infinite if there was none.
     pub residual: f64,
     /// Iterations spent.
@@ -160,7 +83,7 @@ pub enum BoundState {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct McpReport {
     /// How it ended.
-    pub status: McpStatus,
+    pub status: Status,
     /// Natural residual max |xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ)| at the x returned; NaN where F could not be evaluated at all.
     pub residual: f64,
     /// Largest error of a component at the x returned relative to the terms of its row ([accuracy](crate::complementarity#accuracy)); NaN
@@ -186,7 +109,7 @@ pub struct McpReport {
     pub history: Vec<McpIteration>,
     /// Where each component is.
     pub states: Vec<BoundState>,
-    /// For [`McpStatus::Infeasible`] the vector v that proves it: v is a recession direction of the box [l, u], so that every solution has
+    /// For [`Status::NoSolution`] the vector v that proves it: v is a recession direction of the box [l, u], so that every solution has
     /// vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the box, up to the rounding of v. Empty where enumeration proved it, and for any other status.
     pub certificate: Vec<f64>,
     /// The regularity of the solution at the x returned, as a zero of the natural map and in Robinson's sense, where
@@ -215,7 +138,7 @@ pub struct McpReport {
 impl Default for McpReport {
     fn default() -> Self {
         Self {
-            status: McpStatus::Stalled,
+            status: Status::Stalled,
             residual: f64::NAN,
             error: f64::NAN,
             feasibility: 0.0,
@@ -239,7 +162,7 @@ impl McpReport {
     /// Whether the problem is solved.
     #[must_use]
     pub fn is_solved(&self) -> bool {
-        self.status == McpStatus::Solved
+        self.status.is_solved()
     }
 
     /// The observed order of convergence, log(r₃/r₂) / log(r₂/r₁), from the last three natural residuals of the attempt that finished

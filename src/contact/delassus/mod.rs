@@ -21,5 +21,5 @@ pub use error::DelassusError;
 pub use file::read_delassus;
 pub use options::DelassusOptions;
 pub use problem::DelassusProblem;
-pub use report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
+pub use report::{DelassusIteration, DelassusPhase, DelassusReport};
 pub use solver::DelassusSolver;

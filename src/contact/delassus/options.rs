@@ -18,7 +18,7 @@ pub struct DelassusOptions {
     pub max_factorisations: usize,
     /// Largest number of consecutive sweeps; longer runs of sweeps are cut to it. Default 10 000.
     pub max_sweeps: usize,
-    /// Wall-clock time after which the best iterate is returned with the status [`Limit`](super::DelassusStatus::Limit); a factorisation
+    /// Wall-clock time after which the best iterate is returned with the status [`TimeLimit`](crate::run::Status::TimeLimit); a factorisation
     /// under way is finished. Default none: with a limit results depend on the machine.
     pub max_time: Option<Duration>,
 }

@@ -2,42 +2,9 @@ use std::fmt;
 
 use super::{DelassusError, DelassusProblem};
 use crate::contact::{ContactSolution, ContactState, LocalValues};
+use crate::run::Status;
 use crate::sparse::dot;
 use crate::words::{Count, Size};
-
-/// How a run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum DelassusStatus {
-    /// The residual is at most the tolerance.
-    Solved,
-    /// The limit on factorisations or on time was reached.
-    Limit,
-    /// Neither proximal steps nor sweeps make progress: the problem may have no solution.
-    Stalled,
-    /// The observer stopped the run.
-    Interrupted,
-}
-
-impl DelassusStatus {
-    /// The status in a word.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Solved => "solved",
-            Self::Limit => "limit",
-            Self::Stalled => "stalled",
-            Self::Interrupted => "interrupted",
-        }
-    }
-}
-
-impl fmt::Display for DelassusStatus {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
 
 /// The kind of step that an entry of the history records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,7 +49,7 @@ pub struct DelassusIteration {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DelassusReport {
     /// How it ended.
-    pub status: DelassusStatus,
+    pub status: Status,
     /// Reactions, contact by contact (N, T1[, T2]).
     pub r: Vec<f64>,
     /// u = M r + q.
@@ -107,7 +74,7 @@ impl DelassusReport {
     /// Whether the residual is at most the tolerance.
     #[must_use]
     pub fn is_solved(&self) -> bool {
-        self.status == DelassusStatus::Solved
+        self.status.is_solved()
     }
 
     /// Newton iterations and sweeps together.

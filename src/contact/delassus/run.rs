@@ -7,12 +7,13 @@ use super::interior::{Interior, SHORT};
 use super::local::solve_contact;
 use super::newton::{Inner, Newton, Piece};
 use super::path::CentralPath;
-use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
+use super::report::{DelassusIteration, DelassusPhase, DelassusReport};
 use super::scaled::{ScaledProblem, Vector, add_product, larger};
 use super::settled::solve_settled;
 use super::{DelassusError, DelassusOptions, DelassusProblem};
 use crate::clock::Deadline;
 use crate::contact::ContactState;
+use crate::run::Status;
 
 /// Number of sweeps of the cheap first attempt, and number after which unchanged states may be tried, in the plane by one linear system, in
 /// space by Newton's method: up to SMALL unknowns a factorisation costs no more than the remaining sweeps.
@@ -84,7 +85,7 @@ const LEAST_NU: f64 = 1e-16;
 const ZERO: f64 = 1e-9;
 
 /// Break with a status ends the run.
-type Outcome = ControlFlow<DelassusStatus>;
+type Outcome = ControlFlow<Status>;
 
 /// The change made by a sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -216,7 +217,7 @@ impl<'a, const D: usize> Run<'a, D> {
         alpha: f64,
         work: usize,
         success: bool,
-    ) -> ControlFlow<DelassusStatus, f64> {
+    ) -> ControlFlow<Status, f64> {
         let Measure { residual, progress } = self.measure();
         let entry = DelassusIteration {
             index: self.history.len(),
@@ -229,10 +230,10 @@ impl<'a, const D: usize> Run<'a, D> {
         self.history.push(entry);
         let told = (self.observe)(&entry);
         if self.solved {
-            return ControlFlow::Break(DelassusStatus::Solved);
+            return ControlFlow::Break(Status::Solved);
         }
         if told.is_break() {
-            return ControlFlow::Break(DelassusStatus::Interrupted);
+            return ControlFlow::Break(Status::Interrupted);
         }
         ControlFlow::Continue(progress)
     }
@@ -277,10 +278,10 @@ impl<'a, const D: usize> Run<'a, D> {
         }
     }
 
-    fn run(&mut self) -> DelassusStatus {
+    fn run(&mut self) -> Status {
         match self.phases() {
             ControlFlow::Break(status) => status,
-            ControlFlow::Continue(()) => DelassusStatus::Stalled,
+            ControlFlow::Continue(()) => Status::Stalled,
         }
     }
 
@@ -289,7 +290,7 @@ impl<'a, const D: usize> Run<'a, D> {
         if self.started {
             self.measure();
             if self.solved {
-                return ControlFlow::Break(DelassusStatus::Solved);
+                return ControlFlow::Break(Status::Solved);
             }
         }
         let is_large = Interior::is_large(&self.scaled);
@@ -356,7 +357,7 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 
     /// At most n sweeps: fewer at the time limit, where they converge, or, on request, where states are unchanged. Returns their number.
-    fn sweeps_of(&mut self, n: usize, until_settled: bool) -> ControlFlow<DelassusStatus, usize> {
+    fn sweeps_of(&mut self, n: usize, until_settled: bool) -> ControlFlow<Status, usize> {
         let n = n.min(self.options.max_sweeps);
         // This many sweeps of a small problem take less than a millisecond.
         let unseen = if D * self.scaled.contacts() <= SMALL {
@@ -390,19 +391,23 @@ impl<'a, const D: usize> Run<'a, D> {
         ControlFlow::Continue(done)
     }
 
+    /// Ends the run at a limit.
+    fn limits(&self) -> Outcome {
+        if self.newton.deadline.is_over() {
+            return ControlFlow::Break(Status::TimeLimit);
+        }
+        match self.newton.factorisations >= self.options.max_factorisations {
+            true => ControlFlow::Break(Status::IterationLimit),
+            false => ControlFlow::Continue(()),
+        }
+    }
+
     /// The interior-point method from the iterate; the last iterate stays in place. Returns whether a step was short.
-    fn interior(
-        &mut self,
-        interior: &mut Interior<D>,
-        may_freeze: bool,
-    ) -> ControlFlow<DelassusStatus, bool> {
+    fn interior(&mut self, interior: &mut Interior<D>, may_freeze: bool) -> ControlFlow<Status, bool> {
         interior.start(&self.scaled, &self.r, may_freeze);
         let (mut best, mut since, mut stuck, mut shortened) = (f64::INFINITY, 0, 0, false);
         for _ in 0..INTERIOR_STEPS {
-            let over = self.newton.deadline.is_over();
-            if over || self.newton.factorisations >= self.options.max_factorisations {
-                return ControlFlow::Break(DelassusStatus::Limit);
-            }
+            self.limits()?;
             let Some(length) = interior.step(&self.scaled) else {
                 break;
             };
@@ -460,10 +465,8 @@ impl<'a, const D: usize> Run<'a, D> {
         // Steps in a row that needed no factorisation, which no other limit counts.
         let mut idle = 0;
         loop {
+            self.limits()?;
             let before = self.newton.factorisations;
-            if self.newton.deadline.is_over() || before >= self.options.max_factorisations {
-                return ControlFlow::Break(DelassusStatus::Limit);
-            }
             let left = self.options.max_factorisations - before;
             centre.copy_from_slice(&self.r);
             let scale = self.r.iter().flatten().fold(1.0_f64, |a, b| a.max(b.abs()));
@@ -573,10 +576,7 @@ mod tests {
         let mut run = Run::<2>::new(&problem, &options, None, &mut observe);
         for start in [[0.0; 2], [7.0, 3.0], [0.0, 1.0]] {
             run.r.fill(start);
-            assert_eq!(
-                run.sweeps_of(1, false),
-                ControlFlow::Break(DelassusStatus::Solved)
-            );
+            assert_eq!(run.sweeps_of(1, false), ControlFlow::Break(Status::Solved));
             let mut r = [0.0; 10];
             run.scaled.unscale(&run.r, &mut r);
             for r in r.chunks(2) {

@@ -110,7 +110,8 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     ///
     /// # Errors
     /// As [`solve`](Self::solve), and options out of range; a search stopped by `observe` or by `max_time` is a
-    /// [`ContactError::NoStart`] with [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
+    /// [`ContactError::NoStart`] with [`Status::Interrupted`](crate::run::Status::Interrupted) or
+    /// [`TimeLimit`](crate::run::Status::TimeLimit).
     pub fn solve_observed(
         &self,
         alpha: f64,

@@ -11,8 +11,8 @@ use crate::contact::error::{check_finite, check_length};
 use crate::contact::law::{LocalValues, NodeLaw};
 use crate::contact::{Contact, ContactError, ContactOptions};
 use crate::interface::View;
-use crate::newton::Failure;
 use crate::piecewise::PiecewiseSmooth;
+use crate::run::Status;
 use crate::words::{Size, iterations, named};
 
 /// Augmentation parameters tried after the prescribed one, in units of the stiffness of a contact node.
@@ -93,7 +93,7 @@ pub struct ContactAttempt {
     /// ‖H‖₂ at the best iterate.
     pub residual_norm: f64,
     /// Why it failed; `None` for a solution, and where the linear solver failed.
-    pub failure: Option<Failure>,
+    pub failure: Option<Status>,
 }
 
 /// A solution and how it was found.
@@ -177,7 +177,7 @@ pub(in crate::contact) fn solve<V: View>(
             x,
             attempts: search.attempts,
         }),
-        None => Err(search.tries.no_start(alpha)),
+        None => Err(search.tries.no_start(alpha, deadline.is_over())),
     }
 }
 

@@ -5,8 +5,9 @@ use std::ops::ControlFlow;
 use crate::clock::Deadline;
 use crate::contact::{ContactError, ContactOptions, ContactProgress, ContactStrategy};
 use crate::linear::{AutoSolver, LinearSolver};
-use crate::newton::{Failure, Newton, NewtonError};
+use crate::newton::{Newton, NewtonError};
 use crate::piecewise::{PiecewiseSmooth, Selection};
+use crate::run::Status;
 use crate::sparse::Matrix;
 
 pub(in crate::contact) type Observer<'a> = dyn FnMut(&ContactProgress) -> ControlFlow<()> + 'a;
@@ -28,7 +29,7 @@ pub(in crate::contact) struct Outcome {
     pub(in crate::contact) iterations: usize,
     pub(in crate::contact) residual_norm: f64,
     /// `None` for a solution, and where the linear solver failed.
-    pub(in crate::contact) failure: Option<Failure>,
+    pub(in crate::contact) failure: Option<Status>,
 }
 
 impl<'a, 'o> Tries<'a, 'o> {
@@ -90,7 +91,7 @@ impl<'a, 'o> Tries<'a, 'o> {
             Err(error) => error,
         };
         if let NewtonError::Failed(unsolved) = &error {
-            outcome.failure = Some(unsolved.reason);
+            outcome.failure = Some(unsolved.status);
             outcome.residual_norm = unsolved.residual_norm;
         }
         let norm = outcome.residual_norm;
@@ -107,8 +108,8 @@ impl<'a, 'o> Tries<'a, 'o> {
         Ok(outcome)
     }
 
-    /// The error when all attempts have failed.
-    pub(in crate::contact) fn no_start(self, parameter: f64) -> ContactError {
+    /// The error when all attempts have failed, or were stopped: by the deadline if it is `late`.
+    pub(in crate::contact) fn no_start(self, parameter: f64, late: bool) -> ContactError {
         let Some((_, mut source)) = self.best else {
             return ContactError::Empty {
                 what: "no start was tried",
@@ -117,7 +118,11 @@ impl<'a, 'o> Tries<'a, 'o> {
         if let NewtonError::Failed(unsolved) = &mut source
             && self.interrupted
         {
-            unsolved.reason = Failure::Interrupted;
+            unsolved.status = if late {
+                Status::TimeLimit
+            } else {
+                Status::Interrupted
+            };
         }
         ContactError::NoStart {
             parameter,

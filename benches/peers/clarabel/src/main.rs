@@ -11,7 +11,8 @@ use clarabel::solver::{
     SupportedConeT, ZeroConeT,
 };
 use semismooth::complementarity::AffineFunction;
-use semismooth::cones::{Cone, ConeProblem, ConeSolver, ConeStatus};
+use semismooth::cones::{Cone, ConeProblem, ConeSolver};
+use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 
 /// Largest relative differences of the objective and of x. Interior points stop at a small gap, at a distance from the solution of the
@@ -200,7 +201,7 @@ fn ours(program: &Program) -> Result<Solved, Box<dyn Error>> {
     let mut x = vec![0.0; problem.len()];
     let report = ConeSolver::default().solve(&problem, &mut x)?;
     let time = begun.elapsed();
-    if report.status != ConeStatus::Solved {
+    if report.status != Status::Solved {
         return Err(format!("ConeSolver: {}, error {:e}", report.status, report.error).into());
     }
     x.truncate(program.c.len());

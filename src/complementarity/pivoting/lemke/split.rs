@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 
 use super::{Lemke, LemkeOptions, LemkePivot, LemkeReport};
 use crate::complementarity::columns::BoxLcp;
-use crate::complementarity::pivoting::LemkeStatus;
 use crate::complementarity::{ComplementarityError, Lcp};
+use crate::run::Status;
 use crate::sparse::Matrix;
 
 impl Lemke {
@@ -64,11 +64,11 @@ impl Lemke {
             }
         });
         lcp.value(z, &mut self.work);
-        let wrong = report.status == LemkeStatus::Solved
+        let wrong = report.status == Status::Solved
             && !self.is_solution(lcp, z)
             && !self.is_solution_without_rounding(lcp, z);
         if wrong {
-            report.status = LemkeStatus::Inaccurate;
+            report.status = Status::Inaccurate;
         }
         report.residual = BoxLcp::from(lcp).natural_residual(z, &self.work);
         Ok(report)

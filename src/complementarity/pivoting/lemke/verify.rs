@@ -3,9 +3,9 @@
 use super::{Lemke, Var};
 use crate::complementarity::accuracy::{drop_rounding, point};
 use crate::complementarity::infeasible::Conditions;
-use crate::complementarity::pivoting::LemkeStatus;
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
+use crate::run::Status;
 use crate::sparse::{Matrix, Pattern};
 
 /// Relative error of the basic variables above which the inverse is recomputed.
@@ -84,9 +84,9 @@ impl Lemke {
     }
 
     /// t has left the basis: refines the basic variables. The resulting point is checked later, within its bounds.
-    pub(super) fn finish(&mut self, lcp: &Lcp) -> Result<LemkeStatus, ComplementarityError> {
+    pub(super) fn finish(&mut self, lcp: &Lcp) -> Result<Status, ComplementarityError> {
         if !self.verify(lcp)? {
-            return Ok(LemkeStatus::Inaccurate);
+            return Ok(Status::Inaccurate);
         }
         for _ in 0..2 {
             self.basis.apply(&self.rhs, &mut self.entering);
@@ -96,7 +96,7 @@ impl Lemke {
                 .for_each(|(v, d)| *v += d);
             self.decay(lcp);
         }
-        Ok(LemkeStatus::Solved)
+        Ok(Status::Solved)
     }
 
     /// Whether z, with w = M z + q in `work`, is a solution.

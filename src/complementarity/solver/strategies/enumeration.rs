@@ -2,11 +2,11 @@
 
 use std::cell::{Cell, RefCell};
 
-use crate::complementarity::solver::McpStatus;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::Plan;
 use crate::complementarity::{AffineFunction, Mcp};
 use crate::enumeration::{EnumerationOptions, all_solutions_until};
+use crate::run::Status;
 
 /// Affine problems up to this size are enumerated. `properties::arbitrary_small_problems_are_never_claimed_wrongly`.
 const ENUMERABLE: usize = 24;
@@ -34,9 +34,9 @@ impl Engine<'_> {
     }
 
     /// Pruned search of all active sets of an affine problem.
-    pub(super) fn enumerate(&mut self, most: u64) -> McpStatus {
+    pub(super) fn enumerate(&mut self, most: u64) -> Status {
         let Some(problem) = self.affine_problem() else {
-            return McpStatus::Stalled;
+            return Status::Stalled;
         };
         let n = self.n();
         let left = self.options.max_time;
@@ -57,21 +57,21 @@ impl Engine<'_> {
         let set = all_solutions_until(&problem, 0.0, &options, &stop);
         self.interrupted = stopped.get();
         let Ok(set) = set else {
-            return McpStatus::Stalled;
+            return Status::Stalled;
         };
         self.report.iterations += set.nodes as usize / n.max(1);
         let continua = set.continua.iter().flat_map(|c| c.ends.iter().chain([&c.point]));
         let points = set.solutions.iter().map(|s| &s.x).chain(continua);
         for y in points.filter(|y| !y.is_empty()) {
             self.work.here.x.copy_from_slice(&y[..n]);
-            if self.descend(&Plan::newton(POLISH)) == McpStatus::Solved {
-                return McpStatus::Solved;
+            if self.descend(&Plan::newton(POLISH)) == Status::Solved {
+                return Status::Solved;
             }
         }
         let none = set.solutions.is_empty() && set.continua.is_empty();
         match none && set.completeness.is_complete() {
-            true => McpStatus::Infeasible,
-            false => McpStatus::Stalled,
+            true => Status::NoSolution,
+            false => Status::Stalled,
         }
     }
 }

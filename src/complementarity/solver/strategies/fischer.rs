@@ -1,8 +1,8 @@
 //! The penalised Fischer–Burmeister function, without equilibration.
 
-use crate::complementarity::solver::McpStatus;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::Plan;
+use crate::run::Status;
 
 impl Plan {
     /// The penalised Fischer–Burmeister function. `corpus::more_problems_of_the_literature_from_far_starts`.
@@ -19,7 +19,7 @@ impl Plan {
 }
 
 impl Engine<'_> {
-    pub(super) fn fischer(&mut self) -> McpStatus {
+    pub(super) fn fischer(&mut self) -> Status {
         self.descend(&Plan::fischer(self.options.max_attempt))
     }
 }

@@ -2,10 +2,11 @@
 
 use std::cell::RefCell;
 
+use crate::complementarity::solver::McpStep;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::{Plan, spread};
-use crate::complementarity::solver::{McpStatus, McpStep};
 use crate::complementarity::{Mcp, McpFunction};
+use crate::run::Status;
 use crate::sparse::{Matrix, Pattern};
 
 /// The homotopy. `outcomes::paths_and_enumeration_keep_their_limits`, `corpus::more_problems_of_the_literature_from_far_starts`.
@@ -32,14 +33,14 @@ const WEIGHTS: Weights = Weights {
 
 impl Engine<'_> {
     /// Follows t F(x) + (1 − t)(x − x⁰) from x⁰ = `work.here.x`.
-    pub(super) fn homotopy(&mut self) -> McpStatus {
+    pub(super) fn homotopy(&mut self) -> Status {
         let n = self.n();
         if !self.evaluate() || !self.jacobian() {
-            return McpStatus::Stalled;
+            return Status::Stalled;
         }
         let plan = Plan::newton(WEIGHTS.newton);
         if self.linearise(&plan, true).is_none() {
-            return McpStatus::Stalled;
+            return Status::Stalled;
         }
         let w = &*self.work;
         let lower: Vec<f64> = (0..n).map(|i| self.lower[i] / w.lin.col()[i]).collect();
@@ -76,7 +77,7 @@ impl Engine<'_> {
             Pattern::from_entries(p.nrows(), n + 1, all.chain((0..n).map(|i| (i, n)))).ok()
         };
         let Some(pattern) = pattern else {
-            return McpStatus::Stalled;
+            return Status::Stalled;
         };
         let function = Homotopy {
             function: self.function,
@@ -96,7 +97,7 @@ impl Engine<'_> {
             }),
         };
         let Ok(problem) = Mcp::new(function, lower, upper) else {
-            return McpStatus::Stalled;
+            return Status::Stalled;
         };
         let end = self.follow(&problem, &y, -WEIGHTS.back);
         let (evaluations, jacobians) = {
@@ -106,20 +107,20 @@ impl Engine<'_> {
         self.report.evaluations += evaluations;
         self.report.jacobians += jacobians;
         let Some(end) = end else {
-            return McpStatus::Stalled;
+            return Status::Stalled;
         };
         for i in 0..n {
             self.work.here.x[i] = self.clamp(i, end.x[i] * self.work.lin.col()[i]);
         }
         if !self.evaluate() {
-            return McpStatus::Stalled;
+            return Status::Stalled;
         }
         // The last point of the path has been counted.
         if self.exhausted().is_none() {
             self.record(self.residual(), f64::NAN, McpStep::Own, 1.0);
         }
         match self.descend(&plan) {
-            McpStatus::Stalled if !end.reached => McpStatus::Unbounded,
+            Status::Stalled if !end.reached => Status::Unbounded,
             status => status,
         }
     }

@@ -1,9 +1,10 @@
 //! Newton's method with linearised complementarity problems, each solved along its piecewise linear path.
 
 use crate::complementarity::Mcp;
+use crate::complementarity::solver::McpStep;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::{ARMIJO, Plan, spread};
-use crate::complementarity::solver::{McpStatus, McpStep};
+use crate::run::Status;
 use crate::sparse::Matrix;
 
 /// Linearised problems. `corpus::more_problems_of_the_literature_from_far_starts`.
@@ -50,7 +51,7 @@ impl Engine<'_> {
     }
 
     /// Newton's method with linearised complementarity problems.
-    pub(super) fn josephy(&mut self) -> McpStatus {
+    pub(super) fn josephy(&mut self) -> Status {
         let n = self.n();
         let plan = Plan::newton(WEIGHTS.newton);
         for i in 0..n {
@@ -63,12 +64,12 @@ impl Engine<'_> {
             }
             let from = self.work.here.x.clone();
             if !self.evaluate() || !self.jacobian() {
-                return McpStatus::Stalled;
+                return Status::Stalled;
             }
             let residual = self.residual();
             self.note_best(residual);
             let Some(psi) = self.linearise(&plan, k == 0) else {
-                return McpStatus::Stalled;
+                return Status::Stalled;
             };
             reference = reference.min(psi * WEIGHTS.growth).max(psi);
             let target = self.linearised_solution();
@@ -78,7 +79,7 @@ impl Engine<'_> {
                 return status;
             }
             let Some((target, _)) = target else {
-                return McpStatus::Stalled;
+                return Status::Stalled;
             };
             for i in 0..n {
                 self.work.system.d[i] = target[i] - from[i] / self.work.lin.col()[i];
@@ -98,18 +99,18 @@ impl Engine<'_> {
             };
             if !accepted {
                 self.record(residual, psi, McpStep::None, 0.0);
-                return McpStatus::Stalled;
+                return Status::Stalled;
             }
             self.record(residual, psi, McpStep::Linearised, t);
             self.accept_trial();
             let here = self.work.here.x.clone();
             // From here Newton's method may suffice; otherwise the sequence of linearised problems goes on.
-            if self.descend(&plan) == McpStatus::Solved {
-                return McpStatus::Solved;
+            if self.descend(&plan) == Status::Solved {
+                return Status::Solved;
             }
             self.work.here.x.copy_from_slice(&here);
         }
-        McpStatus::IterationLimit
+        Status::IterationLimit
     }
 
     /// The point where the path of the problem linearised at `work.here.x` ends, in scaled variables, and whether it is a solution.

@@ -12,7 +12,8 @@ mod restart;
 mod smoothing;
 
 use super::engine::Engine;
-use super::{BoundState, Fallback, McpStatus};
+use super::{BoundState, Fallback};
+use crate::run::Status;
 use crate::words::named;
 
 /// The strategies of the solver, tried in this order unless [`McpOptions::strategies`](super::McpOptions::strategies) says otherwise.
@@ -65,13 +66,13 @@ struct Strategy {
 
 enum Run {
     /// One attempt, from the start in `work.here.x`.
-    Attempt(fn(&mut Engine<'_>) -> McpStatus),
+    Attempt(fn(&mut Engine<'_>) -> Status),
     /// Several attempts, which record themselves.
-    Attempts(fn(&mut Engine<'_>) -> Option<McpStatus>),
+    Attempts(fn(&mut Engine<'_>) -> Option<Status>),
 }
 
 impl Strategy {
-    const fn attempt(is: McpStrategy, name: &'static str, run: fn(&mut Engine<'_>) -> McpStatus) -> Self {
+    const fn attempt(is: McpStrategy, name: &'static str, run: fn(&mut Engine<'_>) -> Status) -> Self {
         Self {
             is,
             name,
@@ -121,11 +122,11 @@ const BEFORE_PROOF: usize = 2;
 
 impl Engine<'_> {
     /// Tries one strategy after the other.
-    pub(super) fn solve(&mut self, states: Option<&[BoundState]>) -> McpStatus {
+    pub(super) fn solve(&mut self, states: Option<&[BoundState]>) -> Status {
         self.restart_at_start();
         self.take_states(states.unwrap_or_default());
         if !self.evaluate() && !self.find_domain() {
-            return McpStatus::EvaluationFailure {
+            return Status::EvaluationFailure {
                 component: self.bad_component.unwrap_or(0),
             };
         }
@@ -182,16 +183,12 @@ impl Engine<'_> {
     }
 
     /// Runs one attempt from `work.here.x` and records it; `Some` ends the solve.
-    fn attempt(
-        &mut self,
-        strategy: McpStrategy,
-        run: impl FnOnce(&mut Self) -> McpStatus,
-    ) -> Option<McpStatus> {
+    fn attempt(&mut self, strategy: McpStrategy, run: impl FnOnce(&mut Self) -> Status) -> Option<Status> {
         self.strategy = strategy;
         self.attempt_best = f64::INFINITY;
         let before = self.report.iterations;
         let outcome = run(self);
-        if outcome == McpStatus::Solved {
+        if outcome == Status::Solved {
             return Some(outcome);
         }
         self.report.fallbacks.push(Fallback {
@@ -201,7 +198,7 @@ impl Engine<'_> {
             iterations: self.report.iterations - before,
         });
         match outcome {
-            McpStatus::Infeasible => Some(outcome),
+            Status::NoSolution => Some(outcome),
             _ => self.exhausted(),
         }
     }

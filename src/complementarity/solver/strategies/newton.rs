@@ -1,8 +1,9 @@
 //! Steps of the natural map, globalised; for affine problems full steps from active set to active set first.
 
+use crate::complementarity::solver::McpStep;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::Plan;
-use crate::complementarity::solver::{McpStatus, McpStep};
+use crate::run::Status;
 
 /// What the strategy keeps from one solve to the next.
 #[derive(Debug, Clone, Default)]
@@ -12,11 +13,11 @@ pub(super) struct Own {
 }
 
 impl Engine<'_> {
-    pub(super) fn newton(&mut self) -> McpStatus {
+    pub(super) fn newton(&mut self) -> Status {
         let plan = Plan::newton(self.options.max_attempt);
         if self.affine {
             let status = self.affine_newton(&plan);
-            if status != McpStatus::Stalled {
+            if status != Status::Stalled {
                 return status;
             }
             self.restart_at_start();
@@ -25,11 +26,11 @@ impl Engine<'_> {
     }
 
     /// Full steps of the natural map for affine F, where each active set has one step: ends at a solution, or where a set recurs.
-    pub(super) fn affine_newton(&mut self, plan: &Plan) -> McpStatus {
+    pub(super) fn affine_newton(&mut self, plan: &Plan) -> Status {
         let limit = (50 + self.n() / 2).min(plan.max_iterations);
         self.work.own.newton.visited.clear();
         if !self.evaluate() || !self.jacobian() {
-            return McpStatus::EvaluationFailure {
+            return Status::EvaluationFailure {
                 component: self.bad_component.unwrap_or(0),
             };
         }
@@ -52,7 +53,7 @@ impl Engine<'_> {
                 self.note_best(residual);
                 if plan.proximal > 0.0 || measure.is_solved(self.options.tolerance) {
                     self.record(residual, merit, McpStep::None, 0.0);
-                    return McpStatus::Solved;
+                    return Status::Solved;
                 }
                 break;
             }
@@ -86,7 +87,7 @@ impl Engine<'_> {
             }
             self.accept_trial();
         }
-        McpStatus::Stalled
+        Status::Stalled
     }
 }
 

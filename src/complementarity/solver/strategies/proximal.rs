@@ -1,9 +1,9 @@
 //! Proximal points, and what their displacement proves.
 
 use crate::complementarity::infeasible::Conditions;
-use crate::complementarity::solver::McpStatus;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::Plan;
+use crate::run::Status;
 use crate::sparse::max_abs;
 
 impl Plan {
@@ -75,13 +75,13 @@ const CERTIFICATE: Certificate = Certificate {
 
 impl Engine<'_> {
     /// Proximal points with ε → 0, the centre moving along.
-    pub(super) fn proximal_points(&mut self) -> McpStatus {
+    pub(super) fn proximal_points(&mut self) -> Status {
         if !self.evaluate() || !self.jacobian() {
-            return McpStatus::Stalled;
+            return Status::Stalled;
         }
         let size = max_abs(self.work.lin.jac().values()).clamp(Proximal::SIZES.0, Proximal::SIZES.1);
         let mut epsilon = size;
-        let mut outcome = McpStatus::Stalled;
+        let mut outcome = Status::Stalled;
         let mut last = f64::INFINITY;
         let weights = match self.affine {
             true => PROXIMAL_AFFINE,
@@ -91,24 +91,24 @@ impl Engine<'_> {
             let w = &mut *self.work;
             w.equations.centre.copy_from_slice(&w.here.x);
             let plan = Plan::proximal(epsilon);
-            outcome = McpStatus::Stalled;
+            outcome = Status::Stalled;
             if self.affine {
                 outcome = self.affine_newton(&plan);
-                if outcome != McpStatus::Solved {
+                if outcome != Status::Solved {
                     let w = &mut *self.work;
                     w.here.x.copy_from_slice(&w.equations.centre);
                     if self.affine_path(&plan) {
-                        outcome = McpStatus::Solved;
+                        outcome = Status::Solved;
                     }
                 }
             }
-            if outcome != McpStatus::Solved {
+            if outcome != Status::Solved {
                 outcome = self.descend(&plan);
             }
             if let Some(status) = self.exhausted() {
                 return status;
             }
-            if outcome != McpStatus::Solved {
+            if outcome != Status::Solved {
                 // Too little regularisation, or a centre too far away.
                 let w = &mut *self.work;
                 w.here.x.copy_from_slice(&w.equations.centre);
@@ -120,13 +120,13 @@ impl Engine<'_> {
             }
             let residual = self.residual();
             if self.affine && self.certify() {
-                return McpStatus::Infeasible;
+                return Status::NoSolution;
             }
             if residual <= Proximal::FALL * last || (k + 1) % Proximal::EVERY == 0 {
                 let w = &mut *self.work;
                 w.equations.centre.copy_from_slice(&w.here.x);
-                if self.descend(&Plan::newton(Proximal::FINISH)) == McpStatus::Solved {
-                    return McpStatus::Solved;
+                if self.descend(&Plan::newton(Proximal::FINISH)) == Status::Solved {
+                    return Status::Solved;
                 }
                 let w = &mut *self.work;
                 w.here.x.copy_from_slice(&w.equations.centre);
@@ -135,7 +135,7 @@ impl Engine<'_> {
             epsilon = (epsilon * weights.shrink).max(weights.least * size);
         }
         match outcome {
-            McpStatus::Solved => McpStatus::Stalled,
+            Status::Solved => Status::Stalled,
             other => other,
         }
     }

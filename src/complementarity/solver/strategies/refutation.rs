@@ -3,9 +3,10 @@
 //! program; and a short search of active sets.
 
 use crate::clock::Deadline;
+use crate::complementarity::solver::McpStrategy;
 use crate::complementarity::solver::engine::Engine;
-use crate::complementarity::solver::{McpStatus, McpStrategy};
 use crate::enumeration::refutation;
+use crate::run::Status;
 use crate::sparse::max_abs;
 
 /// Nodes of the short search for each component, and numbers that all of its tables may hold: each node
@@ -17,13 +18,13 @@ const NUMBERS: usize = 1 << 27;
 impl Engine<'_> {
     /// Decides affine problems of a size at which paths are followed, but above that at which all active sets
     /// are searched.
-    pub(super) fn prove(&mut self) -> Option<McpStatus> {
+    pub(super) fn prove(&mut self) -> Option<Status> {
         let n = self.n();
         if !self.affine || n > self.options.max_path_size {
             return None;
         }
         if self.refute() {
-            return Some(McpStatus::Infeasible);
+            return Some(Status::NoSolution);
         }
         let searched = self.options.strategies.contains(&McpStrategy::Enumeration);
         if !searched || self.is_enumerable() {

@@ -1,8 +1,9 @@
 //! Perturbed starts.
 
+use crate::complementarity::solver::McpStrategy;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::{Plan, spread};
-use crate::complementarity::solver::{McpStatus, McpStrategy};
+use crate::run::Status;
 
 /// Half widths of the perturbed starts, used cyclically. `corpus::more_problems_of_the_literature_from_far_starts`.
 const RESTART_WIDTHS: [f64; 12] = [1.0, 0.1, 10.0, 1.0, 100.0, 10.0, 0.01, 3.0, 30.0, 1e3, 0.3, 1.0];
@@ -21,7 +22,7 @@ fn spread_runs(k: usize) -> f64 {
 
 impl Engine<'_> {
     /// Newton's method from perturbed starts, and paths from the first of them.
-    pub(super) fn restarts(&mut self) -> Option<McpStatus> {
+    pub(super) fn restarts(&mut self) -> Option<Status> {
         let limit = self.options.max_attempt / 2;
         for k in 0..self.options.restarts {
             for path in [false, true] {
@@ -41,7 +42,7 @@ impl Engine<'_> {
                         return e.homotopy();
                     }
                     let status = e.descend(&Plan::newton(limit));
-                    if status == McpStatus::Solved {
+                    if status == Status::Solved {
                         return status;
                     }
                     e.candidate(k);

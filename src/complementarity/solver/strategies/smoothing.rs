@@ -2,9 +2,10 @@
 //! Kanzow 1996, Smale 1987), along the curve of their solutions.
 
 use crate::complementarity::fischer::Gap;
+use crate::complementarity::solver::McpStep;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::{ARMIJO, Plan};
-use crate::complementarity::solver::{McpStatus, McpStep};
+use crate::run::Status;
 use crate::sparse::{max_abs, norm};
 
 /// Smoothing. `strategies::each_strategy_solves_a_monotone_problem_alone`.
@@ -63,10 +64,10 @@ fn component(gap: Gap, f: f64, mu: f64) -> (f64, f64, f64) {
 }
 
 impl Engine<'_> {
-    pub(super) fn smoothing(&mut self) -> McpStatus {
+    pub(super) fn smoothing(&mut self) -> Status {
         let plan = Plan::newton(WEIGHTS.newton);
         if !self.clamp_all() {
-            return McpStatus::Stalled;
+            return Status::Stalled;
         }
         self.equilibrate(&plan);
         self.merit(&plan);
