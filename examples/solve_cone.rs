@@ -87,7 +87,7 @@ fn print(as_json: bool, problem: &Problem, label: &str, report: &ConeReport, tim
         let record = json!({
             "name": problem.name,
             "start": label,
-            "status": report.status.to_string(),
+            "status": report.status.name(),
             "residual": report.residual,
             "error": report.error,
             "x": x,
@@ -101,7 +101,7 @@ fn print(as_json: bool, problem: &Problem, label: &str, report: &ConeReport, tim
     println!(
         "{}, {label}, {}, {:.1e}, {}, {iterations}, {seconds:.4}",
         problem.name,
-        report.status,
+        report.status.name(),
         report.residual,
         common::short_list(x)
     );

@@ -92,11 +92,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
 }
 
 fn print(as_json: bool, problem: &Problem, label: &str, report: &ViReport, time: Duration, x: &[f64]) {
-    let (status, iterations, seconds) = (
-        report.status.to_string(),
-        report.mcp.iterations,
-        time.as_secs_f64(),
-    );
+    let (status, iterations, seconds) = (report.status.name(), report.mcp.iterations, time.as_secs_f64());
     if as_json {
         let proof = |m: &Multipliers, value: f64, radius: f64| {
             let mut proof = json!({"A": m.inequalities, "E": m.equations, "lower": m.lower, "upper": m.upper, "value": value});

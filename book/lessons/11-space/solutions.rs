@@ -49,6 +49,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     )?;
     let report =
         ViSolver::default().solve(&Vi::new(times, set)?, &mut [0.0, 0.0])?;
-    println!("  ViSolver: {}", report.status);
+    println!("  ViSolver: {}", report.status.name());
     Ok(())
 }
