@@ -343,6 +343,9 @@ fn failures_leave_the_best_iterate() {
     });
     assert_eq!(failed(stopped.unwrap_err()).status, Status::Interrupted);
     assert_eq!(seen, 1);
+    let none = ContactOptions::default().with_max_time(Some(Duration::ZERO));
+    let late = problem.solve_observed(0.0, None, &none, |_| ControlFlow::Continue(()));
+    assert_eq!(failed(late.unwrap_err()).status, Status::TimeLimit);
 }
 
 /// Among the failed starts of a search for a first point the best is kept, each is reported, and the search may be stopped at each.
