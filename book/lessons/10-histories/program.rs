@@ -1,8 +1,8 @@
 use std::ops::ControlFlow;
 
 use semismooth::contact::{
-    CondensedContact, EvolutionOptions, FrictionCoefficient,
-    FrictionCurve, LoadPath, PlanarCoulomb, evolve,
+    CondensedContact, EvolutionOptions, FrictionCoefficient, FrictionCurve,
+    LoadPath, PlanarCoulomb, evolve,
 };
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};

@@ -20,7 +20,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let ground = system
             .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]))?;
         let points = ground.points.clone();
-        let body = semismooth::reduced_body(&system, &ground, LoadPath::constant(load))?;
+        let body =
+            semismooth::reduced_body(&system, &ground, LoadPath::constant(load))?;
         let law =
             OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.5)?);
         let mut problem =
