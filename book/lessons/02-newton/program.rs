@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 .take(4)
                 .map(|i| i.residual_norm)
                 .collect();
-            println!("  full steps: {}; |H| = {norms:?} …", failed.reason);
+            println!("  full steps: {}; |H| = {norms:?} …", failed.status);
         }
         other => println!("  full steps: {other:?}"),
     }
