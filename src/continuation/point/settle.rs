@@ -315,8 +315,11 @@ mod tests {
         }
     }
 
-    /// Which of arms with these points are repeated; errors of points are 1e-3.
-    fn gone(arms: &[(usize, [f64; 2], &[usize], [f64; 2])]) -> Option<Vec<bool>> {
+    /// Piece, tangent, facets in which it runs, and a point on it.
+    type Known<'a> = (usize, [f64; 2], &'a [usize], [f64; 2]);
+
+    /// Which of these arms are repeated; errors of points are 1e-3.
+    fn gone(arms: &[Known<'_>]) -> Option<Vec<bool>> {
         let list: Vec<Found> = arms.iter().map(|a| found(a.0, a.1, a.2)).collect();
         let probe = |point: [f64; 2]| Probe {
             point: point.to_vec(),
