@@ -185,7 +185,7 @@ fn loads_that_nothing_balances_are_reported() {
         let body = ContactBody::new(
             floating.to_matrix().unwrap(),
             rows.normal.clone(),
-            tangential.to_vec(),
+            tangential.clone(),
             LoadPath::constant(load),
         );
         let body = body.unwrap().with_nodes(points.clone(), &place).unwrap();
@@ -229,7 +229,7 @@ fn the_full_form_takes_pieces_that_contact_alone_holds() {
     let body = ContactBody::new(
         floating.to_matrix().unwrap(),
         rows.normal,
-        tangential.to_vec(),
+        tangential.clone(),
         LoadPath::constant(load),
     );
     let law = OrthotropicCoulomb::isotropic(constant(0.3));
