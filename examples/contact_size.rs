@@ -13,6 +13,7 @@
 #[macro_use]
 mod common;
 
+use std::collections::BTreeSet;
 use std::fs::OpenOptions;
 use std::io::{BufWriter, Write};
 use std::ops::ControlFlow;
@@ -26,7 +27,7 @@ use semismooth::contact::{
     CondensedContact, ContactError, ContactForm, ContactSolution, FrictionCoefficient, FrictionCurve,
     LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedContact, ReducedOptions,
 };
-use semismooth::continuation::{Branch, ContinuationOptions, Direction};
+use semismooth::continuation::{Continuation, ContinuationOptions, Direction, Event};
 use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh, read_gmsh};
 use semismooth::piecewise::PiecewiseSmooth;
 
@@ -220,9 +221,33 @@ fn follow<L: NodeLaw>(
     let options = ContinuationOptions::default()
         .with_parameter_range((0.0, 1.0))
         .with_max_points(20 * contacts + 100);
-    let branch = Branch::follow(problem, start, Direction::Decreasing, options)?;
-    let seconds = lap.seconds();
-    let end = branch.points.last().ok_or("the path has no points")?;
+    let mut file = match out {
+        Some(path) => Some(BufWriter::new(OpenOptions::new().append(true).open(path)?)),
+        None => None,
+    };
+    let mut curve = Continuation::new(problem, start, Direction::Decreasing, options)?;
+    let (mut transitions, mut folds, mut nodes) = (0, 0, BTreeSet::new());
+    // Event by event: a branch keeps several vectors of all unknowns for each transition.
+    for event in curve.by_ref() {
+        match event? {
+            Event::Transition(t) => {
+                transitions += 1;
+                folds += usize::from(t.is_fold());
+                nodes.extend(t.sites.iter().map(|s| s.site));
+                let Some(file) = &mut file else { continue };
+                for s in t.sites.iter().filter(|s| s.from != s.to) {
+                    let [from, to] = [s.from, s.to].map(|piece| problem.piece_name(s.site, piece));
+                    writeln!(file, "{},{},{from},{to}", t.parameter(), s.site)?;
+                }
+            }
+            Event::SmoothFold(_) => folds += 1,
+            _ => {}
+        }
+    }
+    let (seconds, end) = (lap.seconds(), curve.point());
+    if let Some(file) = &mut file {
+        file.flush()?;
+    }
     ensure(end.parameter() == 0.0, "the path ends at α = 0")?;
     if contacts <= 200 {
         let found = problem.solve(0.0, None)?;
@@ -230,34 +255,10 @@ fn follow<L: NodeLaw>(
         let same = (end.x.iter().zip(&found)).all(|(a, b)| (a - b).abs() <= 1e-9 * size);
         ensure(same, "the path ends in the solution at α = 0")?;
     }
-    if let Some(path) = out {
-        let mut file = BufWriter::new(OpenOptions::new().append(true).open(path)?);
-        for t in &branch.transitions {
-            for s in t.sites.iter().filter(|s| s.from != s.to) {
-                let name = |piece| problem.piece_name(s.site, piece);
-                writeln!(
-                    file,
-                    "{},{},{},{}",
-                    t.parameter(),
-                    s.site,
-                    name(s.from),
-                    name(s.to)
-                )?;
-            }
-        }
-        file.flush()?;
-    }
-    let mut nodes: Vec<usize> = (branch.transitions.iter())
-        .flat_map(|t| t.sites.iter().map(|s| s.site))
-        .collect();
-    nodes.sort_unstable();
-    nodes.dedup();
     Ok(format!(
-        "path down to α = 0: {seconds:.2} s, {} transitions at {} nodes, {} folds, {} factorisations, peak memory {}",
-        branch.transitions.len(),
+        "path down to α = 0: {seconds:.2} s, {transitions} transitions at {} nodes, {folds} folds, {} factorisations, peak memory {}",
         nodes.len(),
-        branch.folds().len(),
-        branch.factorisations,
+        curve.factorisations(),
         peak_memory()
     ))
 }

@@ -7,6 +7,7 @@ use super::Interface;
 use super::load::add;
 use super::operator::Operator;
 use super::view::{Free, Reduced, View};
+use crate::linear::CondensedRows;
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{Matrix, Pattern};
 
@@ -19,6 +20,11 @@ pub(super) struct Scratch {
     /// The point x for which z was computed, in condensed form: residuals, test functions and derivatives are usually evaluated at the same
     /// x, and v costs as much as all the rest. Empty where z does not contain v.
     at: Vec<f64>,
+    /// The direction of λ for which −C λ was computed last, where C has a hierarchical form: the residual of a tangent and the rates along it
+    /// need the same.
+    direction: Vec<f64>,
+    motion: Vec<f64>,
+    room: Vec<f64>,
     /// Whether the law had reported tests at the last evaluation.
     pub(super) reports: bool,
     pub(super) free: Free,
@@ -62,6 +68,9 @@ impl Scratch {
             z: vec![0.0; law.ncols()],
             dz: vec![0.0; law.ncols()],
             at: Vec::with_capacity(law.ncols()),
+            direction: Vec::new(),
+            motion: Vec::new(),
+            room: Vec::new(),
             reports: false,
             free: Free::new(operator, condensed),
             jac: Matrix::zeros(law.clone()),
@@ -69,6 +78,23 @@ impl Scratch {
             own: Vec::new(),
             across: Vec::new(),
         }
+    }
+
+    /// Finds −C λ for a direction, up to the sign returned.
+    fn find_motion(&mut self, reduced: &Reduced, lambda: &[f64]) -> f64 {
+        if same_bits(&self.direction, lambda) {
+            return 1.0;
+        }
+        let known = self.direction.len() == lambda.len();
+        if known && self.direction.iter().zip(lambda).all(|(a, b)| *a == -*b) {
+            return -1.0;
+        }
+        self.direction.clear();
+        self.direction.extend_from_slice(lambda);
+        self.motion.clear();
+        self.motion.resize(lambda.len(), 0.0);
+        reduced.subtract_compliance(lambda, &mut self.motion, &mut self.room);
+        1.0
     }
 
     /// `scratch`, or a new one while another thread uses it. Compiled once, for all laws.
@@ -136,7 +162,7 @@ impl Parts<'_> {
                 s.at.clear();
                 s.free.factors.set(load, &x[q..]);
                 reduced.motion(load, &mut s.free, &x[q..], &mut s.z[..q]);
-                reduced.subtract_compliance(&x[..q], &mut s.z[..q]);
+                reduced.subtract_compliance(&x[..q], &mut s.z[..q], &mut s.room);
                 s.at.extend_from_slice(x);
             }
         }
@@ -166,12 +192,45 @@ impl Parts<'_> {
                 }
             }
             Some(reduced) => {
-                s.dz[..q].fill(0.0);
-                reduced.subtract_compliance(&d[..q], &mut s.dz[..q]);
+                if reduced.hierarchical().is_some() {
+                    let sign = s.find_motion(reduced, &d[..q]);
+                    (s.dz.iter_mut().zip(&s.motion)).for_each(|(dz, m)| *dz = sign * m);
+                } else {
+                    s.dz[..q].fill(0.0);
+                    reduced.subtract_compliance(&d[..q], &mut s.dz[..q], &mut s.room);
+                }
                 reduced.add_drift(&self.operator.load, &s.free, &d[q..], &mut s.dz[..q]);
             }
         }
         s.dz[q..].copy_from_slice(&d[first..]);
+    }
+
+    /// −C λ.
+    pub(super) fn motion(&self, lambda: &[f64], s: &mut Scratch, out: &mut [f64]) {
+        let Some(reduced) = self.reduced else { return };
+        let sign = s.find_motion(reduced, lambda);
+        (out.iter_mut().zip(&s.motion)).for_each(|(out, m)| *out = sign * m);
+    }
+
+    /// The derivatives of the law as combinations of traces, multipliers and the parameter.
+    pub(super) fn condensed_rows(&self, s: &Scratch, rows: &mut CondensedRows) {
+        let (Some(reduced), q) = (self.reduced, self.num_traces()) else {
+            return;
+        };
+        rows.traces.clear();
+        rows.multipliers.clear();
+        rows.parameter.clear();
+        rows.parameter.resize(q, 0.0);
+        for (i, k, v) in nonzeros(&s.jac) {
+            if k < q {
+                rows.parameter[i] += v * reduced.drift(&self.operator.load, &s.free, k, 0);
+                rows.traces.push((i, k, v));
+            } else if k < 2 * q {
+                rows.multipliers.push((i, k - q, v));
+            } else {
+                rows.parameter[i] += v;
+            }
+        }
     }
 
     /// A u + Bᵀ λ − f of a point (u, λ, α).

@@ -6,7 +6,8 @@ use super::evaluation::Scratch;
 use super::operator::Operator;
 use super::view::{CondensedView, FullView, View};
 use super::{InterfaceError, fill_sizes};
-use crate::piecewise::{ExactPieces, Facet, PiecewiseSmooth, Selection};
+use crate::linear::{CondensedRows, Hierarchical};
+use crate::piecewise::{Condensed, CondensedPieces, ExactPieces, Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
 
 /// A u + Bᵀ λ = f(α), G(B u, λ, α) = 0, in one of its [views](View): x = (u, λ, α) or x = (λ, α).
@@ -97,6 +98,9 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
             parameters,
             slots.fold(parameters, usize::max),
         )?;
+        if let Some(reduced) = view.reduced() {
+            reduced.compress(|| groups(&law));
+        }
         Ok(Self {
             scratch: Mutex::new(Scratch::new(&operator, &law_pattern, view.reduced().is_some())),
             operator,
@@ -387,6 +391,15 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
         });
     }
 
+    fn condensed(&self) -> Option<Condensed<'_>> {
+        let found = self.view.reduced()?.hierarchical().is_some();
+        let linear = self.is_piecewise_affine() && self.operator.load.base().is_some();
+        (found && linear && self.num_parameters() == 1).then_some(Condensed {
+            pieces: self,
+            sizes: &[],
+        })
+    }
+
     fn has_nested_kinks(&self) -> bool {
         self.law.has_nested_kinks()
     }
@@ -413,6 +426,42 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
             self.parts().gradient(s, gradient);
         });
     }
+}
+
+impl<V: View, G: PiecewiseSmooth> CondensedPieces for Interface<V, G> {
+    fn hierarchical(&self) -> Option<&Arc<Hierarchical>> {
+        self.view.reduced()?.hierarchical()
+    }
+
+    fn row(&self, k: usize) -> &[f64] {
+        self.view.reduced().map_or(&[], |reduced| reduced.row(k))
+    }
+
+    fn rows(&self, selection: &Selection, rows: &mut CondensedRows) {
+        // Affine laws under affine loads have the same derivatives everywhere.
+        let zero = vec![0.0; self.num_vars()];
+        self.with_scratch(|s| {
+            self.parts().point_of_derivatives(true, &zero, s);
+            s.jac.clear();
+            self.law.jacobian(selection, &s.z, &mut s.jac);
+            self.parts().condensed_rows(s, rows);
+        });
+    }
+
+    fn motion(&self, lambda: &[f64], out: &mut [f64]) {
+        self.with_scratch(|s| self.parts().motion(lambda, s, out));
+    }
+}
+
+/// The rows of each site, which are those of its traces.
+fn groups(law: &dyn PiecewiseSmooth) -> Vec<Vec<usize>> {
+    let sites = 0..law.num_sites();
+    let rows = sites.map(|site| {
+        let mut rows = Vec::new();
+        law.site_rows(site, &mut rows);
+        rows
+    });
+    rows.collect()
 }
 
 fn full_pattern(operator: &Operator, law: &Pattern) -> Pattern {

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use super::load::{Factors, LoadCase, LoadPath, add};
 use super::operator::Operator;
 use crate::clock::Until;
-use crate::linear::{Condensation, LinearError};
+use crate::linear::{Condensation, Hierarchical, LinearError};
 use crate::sparse::dot;
 
 mod sealed {
@@ -135,8 +135,15 @@ impl Reduced {
         &self.condensation.compliance().values()[k * q..(k + 1) * q]
     }
 
-    /// v ← v − C λ.
-    pub(super) fn subtract_compliance(&self, lambda: &[f64], v: &mut [f64]) {
+    pub(super) fn hierarchical(&self) -> Option<&Arc<Hierarchical>> {
+        self.condensation.hierarchical()
+    }
+
+    /// v ← v − C λ; `room` is scratch.
+    pub(super) fn subtract_compliance(&self, lambda: &[f64], v: &mut [f64], room: &mut Vec<f64>) {
+        if let Some(hierarchical) = self.hierarchical() {
+            return hierarchical.subtract_product(lambda, v, room);
+        }
         if (WIDE..=CACHED).contains(&lambda.len()) {
             return self.condensation.subtract_compliance(lambda, v);
         }
@@ -179,6 +186,11 @@ impl Reduced {
         let q = self.compliance().nrows();
         let trace: f64 = (0..q).map(|k| self.row(k)[k]).sum();
         q as f64 / trace
+    }
+
+    /// Brings C into hierarchical form where that pays.
+    pub(super) fn compress(&self, groups: impl FnOnce() -> Vec<Vec<usize>>) {
+        self.condensation.compress(groups);
     }
 
     pub(crate) fn compliance(&self) -> &crate::sparse::Matrix {

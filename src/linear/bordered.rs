@@ -122,6 +122,36 @@ impl<L: LinearSolver> Bordered<L> {
         })
     }
 
+    /// The system with the last coordinate frozen, whose other columns `solver` has factored; `last` is the last one.
+    ///
+    /// # Errors
+    /// [`LinearError::Singular`] where another coordinate should be frozen; errors of the solver.
+    pub(crate) fn of_factors(pattern: &Pattern, mut solver: L, last: &[f64]) -> Result<Self, LinearError> {
+        let mut work: Vec<f64> = last.iter().map(|v| -v).collect();
+        solver.solve_in_place(&mut work)?;
+        let mut tangent = work.clone();
+        tangent.push(1.0);
+        let largest = tangent[arg_max_abs(&tangent)].abs();
+        if largest.is_nan() || largest > POOR_LARGE {
+            return Err(LinearError::Singular {
+                rcond: largest.recip(),
+            });
+        }
+        let mut found = Self {
+            solver,
+            pattern: pattern.clone(),
+            frozen: last.len(),
+            rest: Rest::default(),
+            tangent,
+            work,
+            log_det: None,
+            factored: false,
+            factorisations: 1,
+        };
+        found.finish();
+        Ok(found)
+    }
+
     /// Factors ∇H. `hint` is an approximate tangent (length n + 1) from which the frozen coordinate is chosen.
     ///
     /// # Complexity

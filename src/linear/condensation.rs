@@ -1,9 +1,11 @@
+use std::sync::{Arc, OnceLock};
+
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::{Cholesky, LinearError, LinearSolver, dense_zeros};
+use super::{Cholesky, Hierarchical, LinearError, LinearSolver, dense_zeros};
 use crate::clock::Until;
 use crate::parallel;
 use crate::sparse::{Matrix, Pattern, dot};
@@ -12,6 +14,8 @@ use crate::sparse::{Matrix, Pattern, dot};
 const BLOCKED: usize = 48;
 /// Columns that one thread takes at a time.
 const COLUMNS: usize = 192;
+/// Order of C above which products with it take more time than those with its hierarchical form.
+const HIERARCHICAL: usize = 1000;
 
 /// The condensation of A u + Bᵀ λ = f onto the few quantities v = B u: v = B A⁻¹ f − C λ with C = B A⁻¹ Bᵀ.
 ///
@@ -36,6 +40,8 @@ pub struct Condensation {
     /// Bᵀ, n × q.
     b_t: Matrix,
     compliance: Matrix,
+    /// C once more, where it is large and has the structure.
+    hierarchical: OnceLock<Option<Arc<Hierarchical>>>,
     /// The number k of unknowns that B touches, and Y = L⁻¹ Bᵀ at these, k × q, column-major.
     touched: usize,
     half: Vec<f64>,
@@ -78,6 +84,7 @@ impl Condensation {
             factor,
             b_t,
             compliance,
+            hierarchical: OnceLock::new(),
             touched: touched.len(),
             half,
         })
@@ -121,6 +128,19 @@ impl Condensation {
         for (k, d) in springs.iter().enumerate().take(q) {
             self.compliance.values_mut()[k * q + k] += d;
         }
+    }
+
+    /// Brings C into hierarchical form where it is large, with the groups of traces that stay together.
+    pub(crate) fn compress(&self, groups: impl FnOnce() -> Vec<Vec<usize>>) {
+        if self.compliance.nrows() > HIERARCHICAL {
+            self.hierarchical
+                .get_or_init(|| Hierarchical::new(self.compliance.values(), &groups()).map(Arc::new));
+        }
+    }
+
+    /// C in hierarchical form, if it has been found in [`compress`](Self::compress).
+    pub(crate) fn hierarchical(&self) -> Option<&Arc<Hierarchical>> {
+        self.hierarchical.get()?.as_ref()
     }
 
     /// ln det A.

@@ -19,6 +19,8 @@ mod dissection;
 mod eigen;
 mod error;
 mod gmres;
+mod hierarchical;
+mod hierarchical_lu;
 mod incomplete_lu;
 mod kernel;
 mod krylov;
@@ -45,6 +47,8 @@ pub use dense_lu::DenseLu;
 pub use eigen::{eigenvalues, generalized_eigenvalues, symmetric_eigenvalues};
 pub use error::LinearError;
 pub(crate) use gmres::Gmres;
+pub(crate) use hierarchical::Hierarchical;
+pub(crate) use hierarchical_lu::{CondensedRows, HierarchicalLu};
 pub use incomplete_lu::{IncompleteLu, Preconditioner};
 pub(crate) use kernel::{Decomposition, decompose, least_singular_value};
 pub use kernel::{NullSpace, null_space};
@@ -55,7 +59,7 @@ pub(crate) use multigrid::{
     Rows, RowsRef, TruncatedMultigrid, WORTH, affine_prolongation, aggregation_hierarchy, coarse_problem,
 };
 pub use operator::{LinearOperator, Preconditioned};
-pub(crate) use row_updates::RowUpdates;
+pub(crate) use row_updates::{RowSource, RowUpdates};
 pub(crate) use scaling::Scaling;
 pub(crate) use small_lu::SmallLu;
 pub use sparse_lu::SparseLu;

@@ -11,6 +11,44 @@ const MAX_UPDATES: usize = 100;
 /// Residual of the tangent, relative to the entries of ∇H, above which the updates have become inaccurate.
 const DECAY: f64 = 1e-10;
 
+/// The same, up to which a tangent is not refined where refining it costs as much as the update itself: the rounding errors of a product
+/// with some thousand terms.
+const SHARP: f64 = 1e-14;
+/// Most rows that differ from those of hierarchical factors.
+const HIERARCHICAL: usize = 160;
+
+/// A matrix ∇H that need not be stored.
+pub(crate) trait RowSource {
+    /// Adds `scale` times row i to `out`; the largest modulus in the row.
+    fn add_row(&mut self, scale: f64, i: usize, out: &mut [f64]) -> f64;
+
+    /// Adds the product with x to `out`.
+    fn add_product(&mut self, x: &[f64], out: &mut [f64]);
+}
+
+impl RowSource for &Matrix {
+    fn add_row(&mut self, scale: f64, i: usize, out: &mut [f64]) -> f64 {
+        let full = self.pattern().is_full().then(|| self.values());
+        let mut size = 0.0_f64;
+        for (j, out) in out.iter_mut().enumerate() {
+            let v = match full {
+                Some(values) => values[j * self.nrows() + i],
+                None => self.get(i, j),
+            };
+            size = size.max(v.abs());
+            *out += scale * v;
+        }
+        size
+    }
+
+    fn add_product(&mut self, x: &[f64], out: &mut [f64]) {
+        Matrix::as_ref(self).mul_add(1.0, x, out);
+    }
+}
+
+/// Most rows that differ from those of sparse factors.
+const SPARSE: usize = 64;
+
 /// Solves with [∇H; tᵀ] while rows of ∇H are replaced.
 ///
 /// A change of the piece at one site replaces the few rows of that site: O(n²) operations a row instead of a factorisation.
@@ -27,6 +65,8 @@ pub(crate) struct RowUpdates {
     old: Vec<f64>,
     residual: Vec<f64>,
     updates: usize,
+    /// Residual of the tangent up to which it is not refined.
+    sharp: f64,
     kept: Kept,
 }
 
@@ -49,24 +89,47 @@ impl RowUpdates {
         };
         let mut sizes = vec![0.0; jacobian.nrows()];
         jacobian.as_ref().raise_to_largest(&mut sizes);
-        let border = bordered.tangent().to_vec();
         let kept = if keep_inverse {
             Kept::Inverse(RowInverse::new(bordered)?)
         } else {
             let entries = jacobian.nrows() * jacobian.ncols();
+            // More rows than these cost as much as a new factorisation, or fill more memory than sparse factors.
+            let eighth = jacobian.ncols() / 8;
             let sparse = jacobian.pattern().nnz() < entries / 4;
-            Kept::Factors(Box::new(UpdatedFactors::new(bordered, det, sparse)))
+            let limit = if sparse { eighth.min(SPARSE) } else { eighth }.max(16);
+            Kept::Factors(Box::new(UpdatedFactors::new(bordered, det, limit)))
         };
-        Ok(Some(Self {
-            tangent: border.clone(),
-            border,
+        Ok(Some(Self::with(bordered.tangent(), det, sizes, kept)))
+    }
+
+    /// Starts with the system that the hierarchical factors in `bordered` solve, with the sizes of its rows; `None` where its kernel is not
+    /// that of `source` to the accuracy wanted of updates.
+    pub(crate) fn of_factors<L: LinearSolver>(
+        source: &mut dyn RowSource,
+        sizes: Vec<f64>,
+        bordered: &mut Bordered<L>,
+    ) -> Result<Option<Self>, LinearError> {
+        let Some(det) = bordered.log_det() else {
+            return Ok(None);
+        };
+        let kept = Kept::Factors(Box::new(UpdatedFactors::new(bordered, det, HIERARCHICAL)));
+        let mut found = Self::with(bordered.tangent(), det, sizes, kept);
+        found.sharp = SHARP;
+        Ok(found.refine(source, bordered)?.then_some(found))
+    }
+
+    fn with(border: &[f64], det: (i8, f64), sizes: Vec<f64>, kept: Kept) -> Self {
+        Self {
+            tangent: border.to_vec(),
+            border: border.to_vec(),
             det,
             residual: sizes.clone(),
             sizes,
             old: Vec::new(),
             updates: 0,
+            sharp: 0.0,
             kept,
-        }))
+        }
     }
 
     /// Whether the factors with which it started must be kept.
@@ -75,27 +138,27 @@ impl RowUpdates {
     }
 
     /// Stores rows of the present Jacobian before they are replaced.
-    pub(crate) fn note(&mut self, jacobian: &Matrix, rows: &[usize]) {
+    pub(crate) fn note(&mut self, source: &mut dyn RowSource, rows: &[usize]) {
         let m = self.border.len();
         self.old.clear();
         self.old.resize(rows.len() * m, 0.0);
         for (old, &i) in self.old.chunks_exact_mut(m).zip(rows) {
-            add_row(-1.0, jacobian, i, old);
+            source.add_row(-1.0, i, old);
         }
     }
 
-    /// Replaces the rows stored by [`note`](Self::note) by those of `jacobian`; false when the result and all that is kept cannot be
+    /// Replaces the rows stored by [`note`](Self::note) by those of `source`; false when the result and all that is kept cannot be
     /// trusted.
     pub(crate) fn replace<L: LinearSolver>(
         &mut self,
-        jacobian: &Matrix,
+        source: &mut dyn RowSource,
         rows: &[usize],
         bordered: &mut Bordered<L>,
     ) -> Result<bool, LinearError> {
         let m = self.border.len();
         self.updates += 1;
         for (change, &i) in self.old.chunks_exact_mut(m).zip(rows) {
-            self.sizes[i] = add_row(1.0, jacobian, i, change);
+            self.sizes[i] = source.add_row(1.0, i, change);
             let Kept::Inverse(inverse) = &mut self.kept else {
                 continue;
             };
@@ -126,7 +189,7 @@ impl RowUpdates {
                 factors.kernel(&mut self.tangent);
             }
         }
-        Ok(self.normalise() && self.refine(jacobian, bordered)? && self.normalise())
+        Ok(self.normalise() && self.refine(source, bordered)?)
     }
 
     fn normalise(&mut self) -> bool {
@@ -138,18 +201,25 @@ impl RowUpdates {
     /// One step of iterative refinement of the tangent; false when its residual shows that the updates have become inaccurate.
     fn refine<L: LinearSolver>(
         &mut self,
-        jacobian: &Matrix,
+        source: &mut dyn RowSource,
         bordered: &mut Bordered<L>,
     ) -> Result<bool, LinearError> {
         self.residual.fill(0.0);
-        (jacobian.as_ref()).mul_add(1.0, &self.tangent, &mut self.residual);
+        source.add_product(&self.tangent, &mut self.residual);
+        if self.is_within(self.sharp) {
+            return Ok(true);
+        }
         match &mut self.kept {
             Kept::Inverse(inverse) => inverse.correct(&self.residual, &mut self.tangent),
             Kept::Factors(factors) => factors.correct(&self.residual, &mut self.tangent, bordered)?,
         }
-        // Written so that NaN fails.
+        Ok(self.is_within(DECAY) && self.normalise())
+    }
+
+    /// Whether the residual is at most this share of each row. Written so that NaN fails.
+    fn is_within(&self, share: f64) -> bool {
         let mut pairs = self.residual.iter().zip(&self.sizes);
-        Ok(pairs.all(|(r, size)| r.abs() <= DECAY * size))
+        pairs.all(|(r, size)| r.abs() <= share * size)
     }
 
     /// The unit kernel vector of ∇H; det [∇H; τᵀ] and the border fix its sign.
@@ -215,21 +285,6 @@ fn times((sign, log): (i8, f64), factor: f64) -> (i8, f64) {
     (sign, log + factor.abs().ln())
 }
 
-/// Adds `scale` times row i of the Jacobian to `out`; the largest modulus in the row.
-fn add_row(scale: f64, jacobian: &Matrix, i: usize, out: &mut [f64]) -> f64 {
-    let full = jacobian.pattern().is_full().then(|| jacobian.values());
-    let mut size = 0.0_f64;
-    for (j, out) in out.iter_mut().enumerate() {
-        let v = match full {
-            Some(values) => values[j * jacobian.nrows() + i],
-            None => jacobian.get(i, j),
-        };
-        size = size.max(v.abs());
-        *out += scale * v;
-    }
-    size
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -257,12 +312,12 @@ mod tests {
             for k in 0..40 {
                 // Rows change more than once.
                 let changed = [(5 * k) % 18, 18 + k % 2];
-                updates.note(&jacobian, &changed);
+                updates.note(&mut &jacobian, &changed);
                 for i in changed {
                     rows[i].iter_mut().for_each(|v| *v += draw());
                 }
                 jacobian = Matrix::from_rows(&rows).unwrap();
-                if updates.replace(&jacobian, &changed, &mut bordered) != Ok(true) {
+                if updates.replace(&mut &jacobian, &changed, &mut bordered) != Ok(true) {
                     refused = true;
                     break;
                 }
@@ -307,10 +362,10 @@ mod tests {
                 bordered.factor(&before, None).unwrap();
                 let updates = RowUpdates::new(&before, &mut bordered, keep_inverse);
                 let mut updates = updates.unwrap().unwrap();
-                updates.note(&before, &[1]);
+                updates.note(&mut &before, &[1]);
                 let after = Matrix::from_rows(&rows).unwrap();
                 assert_eq!(
-                    updates.replace(&after, &[1], &mut bordered),
+                    updates.replace(&mut &after, &[1], &mut bordered),
                     Ok(trusted),
                     "{rows:?}"
                 );

@@ -25,16 +25,10 @@ pub(super) struct UpdatedFactors {
     block: Vec<f64>,
 }
 
-/// Most rows that differ from those of sparse factors.
-const SPARSE: usize = 64;
-
 impl UpdatedFactors {
-    /// `sparse`: whether most entries of ∇H are not stored.
-    pub(super) fn new<L: LinearSolver>(bordered: &Bordered<L>, det: (i8, f64), sparse: bool) -> Self {
+    /// `limit`: the most rows that may differ.
+    pub(super) fn new<L: LinearSolver>(bordered: &Bordered<L>, det: (i8, f64), limit: usize) -> Self {
         let border = bordered.tangent().to_vec();
-        // More rows than these cost as much as a new factorisation, or fill more memory than sparse factors.
-        let eighth = border.len() / 8;
-        let limit = if sparse { eighth.min(SPARSE) } else { eighth }.max(16);
         Self {
             step: vec![0.0; border.len()],
             block: Vec::new(),

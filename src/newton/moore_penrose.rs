@@ -1,5 +1,7 @@
+mod condensed;
 mod correct;
 
+use self::condensed::CondensedSystem;
 use super::chords::Secants;
 use crate::linear::{Bordered, DENSE_LIMIT, LinearError, LinearSolver, RowUpdates};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_length, check_selection};
@@ -33,6 +35,8 @@ pub struct MoorePenrose<L> {
     /// For affine pieces, the bordered Jacobian of a selection with updates, and whether it is the one in use.
     pub(super) updated: Option<(Selection, RowUpdates)>,
     pub(super) updated_at_hand: bool,
+    /// The factors that these updates rely on, where they are hierarchical.
+    pub(super) condensed: CondensedSystem,
     updates: usize,
     rows: Vec<usize>,
     changed_rows: Vec<usize>,
@@ -118,6 +122,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             errors: (vec![0.0; n], vec![0.0; m]),
             updated: None,
             updated_at_hand: false,
+            condensed: CondensedSystem::default(),
             updates: 0,
             rows: Vec::new(),
             changed_rows: Vec::new(),
@@ -145,7 +150,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// Number of factorisations so far.
     #[must_use]
     pub fn factorisations(&self) -> usize {
-        self.bordered.factorisations()
+        self.bordered.factorisations() + self.condensed.factorisations()
     }
 
     /// Number of correction steps so far.
@@ -154,9 +159,24 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.iterations
     }
 
-    /// The Jacobian of the last linearisation.
+    /// The Jacobian assembled last.
     pub(crate) fn jacobian(&self) -> &Matrix {
         &self.jac
+    }
+
+    /// The Jacobian of the last linearisation, which is that of this selection of affine pieces.
+    pub(crate) fn jacobian_at_hand(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
+        selection: &Selection,
+        x: &[f64],
+    ) -> Result<&Matrix, PiecewiseError> {
+        if self.updated_at_hand && self.condensed.in_use() {
+            self.jac.clear();
+            map.jacobian(selection, x, &mut self.jac);
+            self.check_stray()?;
+        }
+        Ok(&self.jac)
     }
 
     fn at_hand(&self) -> Option<&RowUpdates> {
@@ -254,6 +274,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         if self.update(map, selection, x)? {
             self.updated_at_hand = true;
             self.updates += 1;
+        } else if self.factor_condensed(map, selection)? {
+            self.updated_at_hand = true;
         } else {
             self.assemble(map, selection, x)?;
             self.factor(hint)?;
@@ -268,7 +290,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
 
     /// Factors the assembled Jacobian.
     pub(super) fn factor(&mut self, hint: Option<&[f64]>) -> Result<(), LinearError> {
-        self.updated.take_if(|(_, updated)| updated.relies_on_factors());
+        if !self.condensed.in_use() {
+            self.updated.take_if(|(_, updated)| updated.relies_on_factors());
+        }
         self.last = None;
         self.last_point = None;
         self.rounding = None;
@@ -316,15 +340,18 @@ impl<L: LinearSolver> MoorePenrose<L> {
         if self.changed_rows.len() * 4 > self.jac.nrows().max(8) {
             return Ok(false);
         }
+        if self.condensed.in_use() {
+            return self.update_condensed(map, selection, (known, updated));
+        }
         if !(self.updated_at_hand && self.factored.as_ref() == Some(&known)) {
             self.assemble(map, &known, x)?;
         }
-        updated.note(&self.jac, &self.changed_rows);
+        updated.note(&mut &self.jac, &self.changed_rows);
         // Only the rows that change are assembled.
         if !self.assemble_sites(map, &known, selection, x)? {
             self.assemble(map, selection, x)?;
         }
-        let replaced = updated.replace(&self.jac, &self.changed_rows, &mut self.bordered);
+        let replaced = updated.replace(&mut &self.jac, &self.changed_rows, &mut self.bordered);
         if replaced == Ok(true) {
             self.updated = Some((selection.clone(), updated));
         }
@@ -357,7 +384,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
             return false;
         }
         match &mut self.updated {
-            Some((_, updated)) if self.updated_at_hand => updated.correct(r, x, &mut self.bordered).is_ok(),
+            Some((_, updated)) if self.updated_at_hand => match self.condensed.base() {
+                Some(base) => updated.correct(r, x, base).is_ok(),
+                None => updated.correct(r, x, &mut self.bordered).is_ok(),
+            },
             _ => {
                 let tangent = self.bordered.tangent().to_vec();
                 if self.bordered.solve(r, &tangent, 0.0, &mut self.dx).is_err() {

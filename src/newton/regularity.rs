@@ -25,9 +25,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// ∇H dx = r with dx normal to t, by the last linearisation.
     fn solve_across(&mut self, t: &[f64]) -> Result<(), LinearError> {
         match &mut self.updated {
-            Some((_, updated)) if self.updated_at_hand => {
-                updated.solve_across(&self.r, t, &mut self.dx, &mut self.bordered)
-            }
+            Some((_, updated)) if self.updated_at_hand => match self.condensed.base() {
+                Some(base) => updated.solve_across(&self.r, t, &mut self.dx, base),
+                None => updated.solve_across(&self.r, t, &mut self.dx, &mut self.bordered),
+            },
             _ => self.bordered.solve(&self.r, t, 0.0, &mut self.dx),
         }
     }
@@ -213,7 +214,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.linearize_again(map, selection, x, Some(t))?;
         map.residual(selection, x, &mut self.r);
         let mut errors = vec![0.0; self.r.len()];
-        self.jac.as_ref().add_term_sizes(sizes, &mut errors);
+        let jacobian = self.jacobian_at_hand(&map, selection, x)?;
+        jacobian.as_ref().add_term_sizes(sizes, &mut errors);
         for (e, r) in errors.iter_mut().zip(&self.r) {
             *e = r.abs() + f64::EPSILON * *e;
         }

@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use super::{ExactPieces, Expansions, Facet, Selection};
+use super::{Condensed, ExactPieces, Expansions, Facet, Selection};
 use crate::sparse::{Matrix, Pattern};
 
 /// A piecewise-smooth (PC¹) map H: ℝᵐ → ℝⁿ, given by its selection functions.
@@ -139,6 +139,12 @@ pub trait PiecewiseSmooth {
         None
     }
 
+    /// What makes large full Jacobians cheap to factor, where they are combined from rows of one matrix. Default: `None`.
+    #[doc(hidden)]
+    fn condensed(&self) -> Option<Condensed<'_>> {
+        None
+    }
+
     /// Directional derivatives ∇θ(x)·d of all test functions, in the order of [`test_functions`](Self::test_functions).
     /// Default: central differences along d (two evaluations).
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
@@ -229,6 +235,9 @@ macro_rules! forward {
         }
         fn in_prescribed_scale(&self) -> Option<Box<dyn PiecewiseSmooth + '_>> {
             (**self).in_prescribed_scale()
+        }
+        fn condensed(&self) -> Option<Condensed<'_>> {
+            (**self).condensed()
         }
         fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
             (**self).test_derivatives(x, d, out);

@@ -11,6 +11,7 @@ mod active;
 mod autodiff;
 mod cell;
 pub mod check;
+mod condensed;
 mod derivative;
 mod determinants;
 mod differences;
@@ -45,6 +46,7 @@ pub use active::{ActiveSet, active_set, select, select_pieces, value};
 #[cfg(feature = "autodiff")]
 pub use autodiff::{Kinks, NonsmoothFunction, Traced};
 pub use cell::{Facet, cell_margin};
+pub(crate) use condensed::{Condensed, CondensedJacobian, CondensedPieces, CondensedRoom};
 pub(crate) use derivative::pointed_into;
 pub use derivative::{CoherentOrientation, b_derivative, coherent_orientation};
 pub(crate) use determinants::{ExactSigns, near};

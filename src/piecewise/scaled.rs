@@ -1,7 +1,7 @@
 use std::borrow::Cow;
 use std::cell::RefCell;
 
-use super::{ExactPieces, Expansions, Facet, PiecewiseError, PiecewiseSmooth, Selection};
+use super::{Condensed, ExactPieces, Expansions, Facet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, norm};
 
 /// A map in scaled variables z, x = D z, where D holds typical sizes of the variables. Distances and angles in z do not depend on the
@@ -270,6 +270,13 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
             map
         } else {
             Box::new(ScaledExpansions { map, sizes })
+        })
+    }
+    fn condensed(&self) -> Option<Condensed<'_>> {
+        let condensed = self.map.condensed().filter(|c| c.sizes.is_empty())?;
+        Some(Condensed {
+            sizes: &self.sizes,
+            ..condensed
         })
     }
     fn test_derivatives(&self, z: &[f64], d: &[f64], out: &mut [f64]) {

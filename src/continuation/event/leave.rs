@@ -99,7 +99,8 @@ impl Curve<'_> {
             );
         } else if self.residual_scale == 0.0 {
             // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more than the step.
-            self.residual_scale = term_size(self.corrector.jacobian(), x, self.h, t);
+            let jacobian = (self.corrector).jacobian_at_hand(&&self.map, &self.selection, x)?;
+            self.residual_scale = term_size(jacobian, x, self.h, t);
         }
         if !affine || self.points == 0 {
             // Steps on affine pieces have computed it, and H is continuous.

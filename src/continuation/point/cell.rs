@@ -100,6 +100,6 @@ fn within(extension: &Extension<'_>, layout: &TestLayout, arcs: &[Arc]) -> Optio
         facets: grazing,
         arc: Some(arc),
         units: extension.units.clone(),
-        unit,
+        unit: Some(unit),
     })
 }

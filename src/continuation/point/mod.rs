@@ -41,8 +41,9 @@ pub(super) struct Found {
     arc: Option<Arc>,
     /// Sizes of the variables in its selection; empty where they are all 1.
     units: Vec<f64>,
-    /// Length of its tangent in balanced units: one over it is a length along the arm over which the map changes noticeably.
-    pub(super) unit: f64,
+    /// Length of its tangent in balanced units: one over it is a length along the arm over which the map changes noticeably. `None` until it
+    /// is needed, where it takes a Jacobian of its own.
+    unit: Option<f64>,
 }
 
 /// All that is known about a point of the solution set: the arms that leave it, what α does on them, and how certain the list is.

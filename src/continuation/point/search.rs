@@ -413,7 +413,6 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         };
         let mut units = Units::new(self.map, selection, self.x);
         let direction = units.direction(&tangent);
-        let unit = units.unit_along(&tangent);
         let mut grazing: Vec<usize> = facets.iter().map(|&k| self.layout.locate(k).0).collect();
         grazing.dedup();
         self.found.push(Found {
@@ -428,7 +427,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             facets,
             arc: None,
             units: Vec::new(),
-            unit,
+            unit: None,
         });
     }
 

@@ -3,6 +3,7 @@
 
 use super::coincidence::SAFETY;
 use super::search::{ArmSearch, Arms};
+use super::units::Units;
 use super::{Found, PointDoubt};
 use crate::linear::LinearSolver;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
@@ -125,18 +126,26 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     ) -> Result<Option<Vec<Probe>>, PiecewiseError> {
         let mut probes = Vec::with_capacity(found.len());
         let mut lengths: Vec<f64> = Vec::with_capacity(found.len());
+        let units: Vec<f64> = found.iter_mut().map(|f| self.unit(f)).collect();
         for k in 0..found.len() {
             // Arms that may be the same are compared at the same distance, whatever the units of their selections.
             let near = |j: &usize| measure.cosine(&found[*j].arm.tangent, &found[k].arm.tangent) > NEAR;
-            let length = (0..k).find(near).map_or(radius * found[k].unit, |j| lengths[j]);
+            let length = (0..k).find(near).map_or(radius * units[k], |j| lengths[j]);
             lengths.push(length);
-            let Some(probe) = self.probe(&found[k], measure, length / found[k].unit)? else {
+            let Some(probe) = self.probe(&found[k], measure, length / units[k])? else {
                 return Ok(None);
             };
             found[k].arm.probe.clone_from(&probe.point);
             probes.push(probe);
         }
         Ok(Some(probes))
+    }
+
+    /// The length of the tangent of an arm in balanced units.
+    fn unit(&self, found: &mut Found) -> f64 {
+        let arm = &found.arm;
+        let find = || Units::new(self.map, &arm.selection, self.x).unit_along(&arm.tangent);
+        *found.unit.get_or_insert_with(find)
     }
 
     /// The corrected point on an arm; `None`, too, where rounding of H may have moved it as far as its distance allows.
@@ -148,12 +157,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     ) -> Result<Option<Probe>, PiecewiseError> {
         let ahead = match &found.arc {
             Some(arc) => arc.at(radius),
-            None => found
-                .arm
-                .tangent
-                .iter()
-                .map(|t| radius * found.unit * t)
-                .collect(),
+            None => {
+                let length = radius * found.unit.unwrap_or(1.0);
+                found.arm.tangent.iter().map(|t| length * t).collect()
+            }
         };
         let guess: Vec<f64> = self.x.iter().zip(&ahead).map(|(x, a)| x + a).collect();
         let mut y = guess.clone();
