@@ -164,21 +164,6 @@ impl<L: LinearSolver> MoorePenrose<L> {
         &self.jac
     }
 
-    /// The Jacobian of the last linearisation, which is that of this selection of affine pieces.
-    pub(crate) fn jacobian_at_hand(
-        &mut self,
-        map: &dyn PiecewiseSmooth,
-        selection: &Selection,
-        x: &[f64],
-    ) -> Result<&Matrix, PiecewiseError> {
-        if self.updated_at_hand && self.condensed.in_use() {
-            self.jac.clear();
-            map.jacobian(selection, x, &mut self.jac);
-            self.check_stray()?;
-        }
-        Ok(&self.jac)
-    }
-
     fn at_hand(&self) -> Option<&RowUpdates> {
         let updated = self.updated.as_ref().filter(|_| self.updated_at_hand);
         updated.map(|(_, updated)| updated)

@@ -214,8 +214,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.linearize_again(map, selection, x, Some(t))?;
         map.residual(selection, x, &mut self.r);
         let mut errors = vec![0.0; self.r.len()];
-        let jacobian = self.jacobian_at_hand(&map, selection, x)?;
-        jacobian.as_ref().add_term_sizes(sizes, &mut errors);
+        self.add_term_sizes(&map, sizes, &mut errors);
         for (e, r) in errors.iter_mut().zip(&self.r) {
             *e = r.abs() + f64::EPSILON * *e;
         }

@@ -59,6 +59,23 @@ impl CondensedJacobian<'_> {
         }
         sizes
     }
+
+    /// Adds Σⱼ |Jᵢⱼ| sⱼ to each entry of `out`.
+    pub(crate) fn add_term_sizes(&self, sizes: &[f64], out: &mut [f64]) {
+        let scaled: Vec<f64> = (sizes.iter().enumerate())
+            .map(|(k, s)| s * self.size(k))
+            .collect();
+        for &(i, k, g) in &self.rows.traces {
+            let terms = self.of.pieces.row(k).iter().zip(&scaled);
+            out[i] += g.abs() * terms.map(|(c, s)| c.abs() * s).sum::<f64>();
+        }
+        for &(i, k, h) in &self.rows.multipliers {
+            out[i] += h.abs() * scaled[k];
+        }
+        if let Some(last) = scaled.last() {
+            (out.iter_mut().zip(&self.rows.parameter)).for_each(|(out, g)| *out += g.abs() * last);
+        }
+    }
 }
 
 impl RowSource for CondensedJacobian<'_> {

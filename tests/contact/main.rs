@@ -25,6 +25,7 @@ mod hild_renard;
 mod history;
 mod interface;
 mod interface_laws;
+mod large_paths;
 mod multiplier_spaces;
 mod robustness;
 mod routes;

@@ -1,6 +1,6 @@
 //! How a curve leaves a point along an arm: the selection to freeze, its orientation and its residual there.
 
-use crate::continuation::engine::{Curve, State, row_sizes, term_size};
+use crate::continuation::engine::{Curve, State, row_sizes};
 use crate::continuation::point::units::Units;
 use crate::continuation::{Arm, ContinuationError};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
@@ -99,8 +99,12 @@ impl Curve<'_> {
             );
         } else if self.residual_scale == 0.0 {
             // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more than the step.
-            let jacobian = (self.corrector).jacobian_at_hand(&&self.map, &self.selection, x)?;
-            self.residual_scale = term_size(jacobian, x, self.h, t);
+            let sizes: Vec<f64> = (x.iter().zip(t))
+                .map(|(x, t)| x.abs() + self.h * t.abs())
+                .collect();
+            let mut sums = vec![0.0; self.map.num_residuals()];
+            (self.corrector).add_term_sizes(&&self.map, &sizes, &mut sums);
+            self.residual_scale = norm(&sums);
         }
         if !affine || self.points == 0 {
             // Steps on affine pieces have computed it, and H is continuous.

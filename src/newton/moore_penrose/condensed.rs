@@ -70,6 +70,16 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(true)
     }
 
+    /// Adds Σⱼ |∇H_ij| sⱼ to each entry of `out`, for the Jacobian of the last linearisation.
+    pub(crate) fn add_term_sizes(&mut self, map: &dyn PiecewiseSmooth, sizes: &[f64], out: &mut [f64]) {
+        let hierarchical = self.updated_at_hand && self.condensed.in_use();
+        let CondensedSystem { rows, room, .. } = &mut self.condensed;
+        match map.condensed().filter(|_| hierarchical) {
+            Some(of) => CondensedJacobian { of, rows, room }.add_term_sizes(sizes, out),
+            None => self.jac.as_ref().add_term_sizes(sizes, out),
+        }
+    }
+
     /// Changes to `selection` from the stored one, from which it differs in the rows noted.
     pub(super) fn update_condensed(
         &mut self,
