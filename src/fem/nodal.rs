@@ -6,7 +6,7 @@ use super::assembly::{PRESCRIBED, pattern};
 use super::stiffness::{ElementMatrix, Elements};
 use super::{ElasticSystem, FemError, Mesh};
 use crate::parallel;
-use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix};
+use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix, Symmetric};
 
 /// Largest number of parts of the nodes, and least number of nodes of each: cells between two parts are computed twice.
 const MOST_PARTS: usize = 16;
@@ -120,7 +120,7 @@ impl Order {
 }
 
 impl ElasticSystem {
-    /// A in blocks of nodes, with their positions: half the memory of single entries, for
+    /// A in blocks of nodes, with their positions: a quarter of the memory of single entries, for
     /// [`ReducedContact`](crate::contact::ReducedContact). Assembled at each call. Nodes are renumbered layer by layer.
     ///
     /// # Errors
@@ -156,7 +156,7 @@ impl ElasticSystem {
         Ok(NodalMatrix::from_parts(blocks, points, places))
     }
 
-    fn in_blocks<const B: usize>(&self, cells: &CellsOf, order: &Order) -> Result<Blocks<B, B>, FemError> {
+    fn in_blocks<const B: usize>(&self, cells: &CellsOf, order: &Order) -> Result<Symmetric<B>, FemError> {
         let nodes = order.nodes.len();
         let too_large = || FemError::TooLarge {
             cells: vec![self.mesh.num_cells()],
@@ -178,6 +178,9 @@ impl ElasticSystem {
         }
         drop(rows);
         let count = blocks.col.len();
+        if count > u32::MAX as usize {
+            return Err(too_large());
+        }
         blocks.value.try_reserve_exact(count).map_err(|_| too_large())?;
         // Initialised by one thread: page faults of several threads at once would be serialised.
         blocks.value.resize(count, [[0.0; B]; B]);
@@ -198,6 +201,7 @@ impl ElasticSystem {
                 let row = order.number[nodes[a]] as usize;
                 let cols = &col[start[row]..start[row + 1]];
                 for (b, &nb) in nodes.iter().enumerate() {
+                    // The upper triangle is not stored.
                     let Ok(k) = cols.binary_search(&order.number[nb]) else {
                         continue;
                     };
@@ -210,23 +214,24 @@ impl ElasticSystem {
                 }
             },
         );
-        Ok(blocks)
+        Ok(Symmetric::of(blocks))
     }
 
-    /// The new numbers of the neighbours of each node, increasing, and their count.
+    /// The new numbers of the neighbours of each node up to its own, which is the last one, increasing, and their count.
     fn neighbours(&self, cells: &CellsOf, order: &Order, rows: Range<usize>) -> (Vec<u32>, Vec<u32>) {
         let (mut all, mut counts) = (Vec::new(), Vec::with_capacity(rows.len()));
         let mut seen = vec![u32::MAX; order.nodes.len()];
         for row in rows {
-            let before = all.len();
-            for &cell in cells.of(order.nodes[row] as usize) {
+            let (before, row) = (all.len(), row as u32);
+            for &cell in cells.of(order.nodes[row as usize] as usize) {
                 for &n in self.mesh.cell(cell as usize) {
                     let k = order.number[n];
-                    if k != u32::MAX && std::mem::replace(&mut seen[k as usize], row as u32) != row as u32 {
+                    if k < row && std::mem::replace(&mut seen[k as usize], row) != row {
                         all.push(k);
                     }
                 }
             }
+            all.push(row);
             all[before..].sort_unstable();
             counts.push((all.len() - before) as u32);
         }

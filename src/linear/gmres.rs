@@ -163,14 +163,16 @@ impl Gmres {
         at_least(n * (k + 2), &mut self.basis);
         let (old, new) = self.basis.split_at_mut(n * (k + 1));
         let w = &mut new[..n];
-        self.z.copy_from_slice(&old[n * k..]);
-        near(&mut self.z)?;
-        if self.flexible {
+        let z = if self.flexible {
             at_least(n * (k + 1), &mut self.images);
-            self.images[n * k..n * (k + 1)].copy_from_slice(&self.z);
-        }
+            &mut self.images[n * k..n * (k + 1)]
+        } else {
+            &mut self.z[..]
+        };
+        z.copy_from_slice(&old[n * k..]);
+        near(z)?;
         w.fill(0.0);
-        multiply(&self.z, w);
+        multiply(z, w);
         let h = &mut self.hessenberg[rows * k..rows * (k + 1)];
         // Each subtraction is combined with the scalar product for the next direction.
         let mut last: Option<(f64, &[f64])> = None;

@@ -15,7 +15,9 @@ mod rigid;
 mod substructure;
 mod vector;
 
-pub(crate) use blocks::{Blocks, ROWS, add_product, subtract_transposed};
+pub(crate) use blocks::{
+    Blocks, Entry, ROWS, RowSum, Symmetric, add_all, add_product, add_transposed, subtract_transposed, wide,
+};
 pub(crate) use coloring::Coloring;
 pub use error::SparseError;
 pub use matrix::{Matrix, MatrixRef};

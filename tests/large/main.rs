@@ -165,6 +165,65 @@ fn laws_in_the_plane_agree_with_the_condensed_form() {
     compare(body(), PlanarCoulomb::new(weakening(0.4)), [0.5, 1.0]);
 }
 
+/// Where GMRES restarts it multiplies combinations of the directions it has kept: systems are solved as accurately as without.
+#[test]
+fn restarts_solve_the_same_systems() {
+    let system = block([10, 10, 5], Material::isotropic(1.0, 0.277).unwrap());
+    let solve = |directions: usize| {
+        let options = ReducedOptions::default()
+            .with_forcing(1e-6)
+            .with_directions(directions);
+        let law = OrthotropicCoulomb::isotropic(constant(0.3));
+        let mut problem = ReducedContact::new(reduced_body(&system, &ground(3)), law, options).unwrap();
+        problem.solve(1.0, None).unwrap()
+    };
+    let (whole, restarted) = (solve(30), solve(4));
+    assert!(whole.krylov() > 5 * whole.newton());
+    assert_eq!(restarted.newton(), whole.newton());
+    assert!(restarted.krylov() < 2 * whole.krylov());
+}
+
+/// Coarse levels are in single precision, whose range is passed by these stiffnesses: in units that are powers of two nothing but the
+/// exponents changes.
+#[test]
+fn units_change_nothing() {
+    let solve = |young: f64, length: f64| {
+        let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0].map(|l| length * l), [24, 24, 12]).unwrap();
+        let material = Material::isotropic(young, 0.277).unwrap();
+        let system = Elasticity::new(mesh, material).fix("left").discretize().unwrap();
+        let rows = system.contact("bottom", &ground(3)).unwrap();
+        let press = system.traction("top", |_| [0.0, 0.0, -0.01 * young]).unwrap();
+        let pull = system
+            .traction("right", |_| [0.01 * young, 0.003 * young, 0.002 * young])
+            .unwrap();
+        let load = LoadPath::affine(press, pull);
+        let stiffness = system.nodal_stiffness().unwrap();
+        let body = ReducedBody::new(stiffness, &rows.normal, &rows.tangential, load).unwrap();
+        let law = OrthotropicCoulomb::isotropic(constant(0.3));
+        let mut problem =
+            ReducedContact::new(body.with_gap(rows.gap).unwrap(), law, ReducedOptions::default()).unwrap();
+        assert!(problem.levels().len() > 2);
+        let found = problem.solve(1.0, None).unwrap();
+        let u: Vec<f64> = found.displacements.iter().map(|u| u / length).collect();
+        (u, found.krylov())
+    };
+    let (u, krylov) = solve(1.0, 1.0);
+    let far = 2.0f64.powi(40);
+    for (young, length) in [(far, 1.0), (1.0, 1.0 / far), (1.0 / far, far)] {
+        assert_eq!(solve(young, length), (u.clone(), krylov), "{young:e} {length:e}");
+    }
+    let size = u.iter().fold(0.0f64, |m, u| m.max(u.abs()));
+    for (young, length) in [(1e12, 1.0), (1e-12, 1e12), (1.0, 1e-12)] {
+        let (other, other_krylov) = solve(young, length);
+        let off = u
+            .iter()
+            .zip(&other)
+            .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        assert!(off <= 1e-10 * size, "{young:e} {length:e}: {:e}", off / size);
+        assert_eq!(other_krylov, krylov);
+    }
+}
+
 /// A search that was cut short reports the residuals of its best iterate that its displacements have, node by node.
 #[test]
 fn residuals_of_iterates_are_those_of_their_displacements() {

@@ -2,7 +2,7 @@ use super::super::error::check_length;
 use super::ReducedOptions;
 use super::floating::floating_piece;
 use crate::contact::{ContactBody, ContactError, LoadPath};
-use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix, Place, SparseError};
+use crate::sparse::{Matrix, NodalBlocks, NodalMatrix, Place, SparseError, Symmetric};
 
 /// Largest deviation of the traces of a node from orthonormality.
 const ORTHONORMAL: f64 = 1e-10;
@@ -186,8 +186,8 @@ impl ReducedBody {
     /// Mean stiffness of single contact nodes, over all directions.
     pub(super) fn node_stiffness(&self) -> f64 {
         let diagonal = |node: usize, d: usize| match &self.stiffness.blocks {
-            NodalBlocks::Plane(a) => a.slot(node, node).map_or(0.0, |k| a.value[k][d][d]),
-            NodalBlocks::Space(a) => a.slot(node, node).map_or(0.0, |k| a.value[k][d][d]),
+            NodalBlocks::Plane(a) => a.diagonal(node)[d][d],
+            NodalBlocks::Space(a) => a.diagonal(node)[d][d],
         };
         let all = self
             .contacts
@@ -270,8 +270,8 @@ impl ReducedBody {
     /// Bytes that [`to_contact_body`](Self::to_contact_body) takes.
     pub(super) fn memory_by_columns(&self) -> u64 {
         let dim = self.dim() as u64;
-        // Entries with their row indices, and the copy of the blocks from which they are read.
-        self.stiffness.num_blocks() as u64 * (24 * dim * dim + 4)
+        // Entries of both triangles with their row indices, and the copy of the blocks from which they are read.
+        self.stiffness.num_blocks() as u64 * (40 * dim * dim + 12)
     }
 
     /// The same body as a [`ContactBody`](crate::contact::ContactBody), which is factored as a whole.
@@ -361,18 +361,21 @@ fn complete(dim: usize, frame: &mut [[f64; 3]; 3], prescribed: impl Fn(usize) ->
 }
 
 /// A ← Q A Qᵀ with Q the frames at the given nodes.
-fn turn<const B: usize>(a: &mut Blocks<B, B>, nodes: &[usize], frames: &[[[f64; 3]; 3]]) {
+fn turn<const B: usize>(a: &mut Symmetric<B>, nodes: &[usize], frames: &[[[f64; 3]; 3]]) {
     for (&node, frame) in nodes.iter().zip(frames) {
-        for k in a.start[node]..a.start[node + 1] {
-            let block = a.value[k];
-            a.value[k] = std::array::from_fn(|r| {
-                std::array::from_fn(|c| (0..B).map(|d| frame[r][d] * block[d][c]).sum())
-            });
-            let other = a.col[k] as usize;
-            if let Some(mirror) = a.slot(other, node) {
-                let block = a.value[mirror];
-                a.value[mirror] = std::array::from_fn(|r| {
-                    std::array::from_fn(|c| (0..B).map(|d| block[r][d] * frame[c][d]).sum())
+        let places: Vec<_> = a.places(node).collect();
+        for (other, k) in places {
+            let block = &mut a.values_mut()[k];
+            let old = *block;
+            if other <= node {
+                *block = std::array::from_fn(|r| {
+                    std::array::from_fn(|c| (0..B).map(|d| frame[r][d] * old[d][c]).sum())
+                });
+            }
+            let old = *block;
+            if other >= node {
+                *block = std::array::from_fn(|r| {
+                    std::array::from_fn(|c| (0..B).map(|d| old[r][d] * frame[c][d]).sum())
                 });
             }
         }

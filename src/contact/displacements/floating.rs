@@ -1,7 +1,7 @@
 //! Unsupported pieces (connected parts) of a body.
 
 use crate::contact::ContactError;
-use crate::sparse::{Blocks, NodalBlocks, NodalMatrix, Place, Resistance, pieces};
+use crate::sparse::{NodalBlocks, NodalMatrix, Place, Resistance, Symmetric, pieces};
 
 /// Forces due to a rigid motion below this share of the sum of the moduli of their terms are rounding.
 const ROUNDING: f64 = 1e-10;
@@ -32,13 +32,13 @@ pub(in crate::contact) fn floating_piece(
 
 /// The nodes of that piece, and its zero-energy motions.
 fn floating<const F: usize>(
-    a: &Blocks<F, F>,
+    a: &Symmetric<F>,
     points: &[[f64; 3]],
     frame: &[Option<&[[f64; 3]; 3]>],
 ) -> Option<(Vec<bool>, Vec<&'static str>)> {
     let piece = pieces(a.nrows(), |connect| {
         for i in 0..a.nrows() {
-            let (cols, values) = a.row(i);
+            let (cols, values) = a.lower().row(i);
             let coupled = cols
                 .iter()
                 .zip(values)
@@ -63,16 +63,15 @@ fn floating<const F: usize>(
     for i in 0..a.nrows() {
         motions(i).iter().for_each(|m| moved[piece[i]].add(m));
         let (mut force, mut terms) = ([[0.0; 6]; F], [0.0; F]);
-        let (cols, values) = a.row(i);
-        for (&j, block) in cols.iter().zip(values) {
-            let motions = motions(j as usize);
+        a.each(i, |j, block| {
+            let motions = motions(j);
             for (r, row) in block.iter().enumerate() {
                 for (v, m) in row.iter().zip(&motions) {
                     terms[r] += v.abs();
                     force[r].iter_mut().zip(m).for_each(|(f, m)| *f += v * m);
                 }
             }
-        }
+        });
         for (force, terms) in force.iter().zip(terms) {
             if force.iter().any(|f| f.abs() > ROUNDING * terms) {
                 held[piece[i]].add(&force.map(|f| f / terms));

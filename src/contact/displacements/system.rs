@@ -1,6 +1,6 @@
 //! The linear systems of Newton's method in the displacements, and their solver.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use super::ReducedBody;
 use crate::clock::Until;
 use crate::linear::{Aggregation, Gmres, LinearError};
 use crate::parallel;
-use crate::sparse::{Blocks, NodalBlocks, add_product};
+use crate::sparse::{NodalBlocks, Symmetric};
 
 /// The operations on a body that Newton's method in the displacements needs: products with its stiffness matrix A and solves with matrices
 /// that differ from A in few rows.
@@ -91,7 +91,7 @@ pub struct ReducedStep<'a> {
     pub added: &'a [(usize, usize, f64)],
     /// (row, column, value), not included in the preconditioner.
     pub beside: &'a [(usize, usize, f64)],
-    /// (i, j, c): row i += c · row j of A, not included in the preconditioner; i and j belong to one node.
+    /// (i, j, c): row i += c · row j of A, not included in the preconditioner; i and j belong to one node, and j is constrained.
     pub combined: &'a [(usize, usize, f64)],
 }
 
@@ -275,7 +275,7 @@ struct Rows<'a> {
 impl Rows<'_> {
     fn solve<const F: usize, const K: usize>(
         &self,
-        a: &Blocks<F, F>,
+        a: &Symmetric<F>,
         hierarchy: &mut Aggregation<F, K>,
         gmres: &mut Gmres,
         d: &mut [f64],
@@ -284,15 +284,20 @@ impl Rows<'_> {
     ) -> Result<KrylovOutcome, LinearError> {
         let hierarchy = RefCell::new(hierarchy);
         let (mut iterations, mut stopped) = (0, false);
-        // GMRES multiplies the result of the last cycle, for which the cycle has computed the product with A.
+        // Between restarts GMRES multiplies the result of the last cycle, for which the cycle has computed the product with A.
+        let known = Cell::new(false);
         let solved = gmres.solve(
             |x, y| {
-                hierarchy.borrow().add_image(a, x, y);
+                match known.replace(false) {
+                    true => hierarchy.borrow().add_image(a, x, y),
+                    false => hierarchy.borrow().add_product(a, x, y),
+                }
                 for &(i, j, v) in self.beside {
                     y[i] += v * x[j];
                 }
+                // Rows j are those of prescribed components, to which nothing else is added.
                 for &(i, j, c) in self.combined {
-                    y[i] += c * row_product(a, j, x);
+                    y[i] += c * y[j];
                 }
                 self.constrained.iter().for_each(|&k| y[k] = 0.0);
             },
@@ -304,6 +309,7 @@ impl Rows<'_> {
                     return Err(LinearError::Interrupted);
                 }
                 let done = hierarchy.borrow_mut().apply(a, z);
+                known.set(true);
                 if done == Err(LinearError::Interrupted) {
                     // The time limit is reported to the caller.
                     let _ = observe(iterations);
@@ -324,15 +330,4 @@ impl Rows<'_> {
             residual: outcome.residual,
         })
     }
-}
-
-/// Entry k of A x.
-fn row_product<const F: usize>(a: &Blocks<F, F>, k: usize, x: &[f64]) -> f64 {
-    let x = x.as_chunks::<F>().0;
-    let (cols, values) = a.row(k / F);
-    let mut sum = [0.0; F];
-    for (&j, block) in cols.iter().zip(values) {
-        add_product(block, &x[j as usize], &mut sum);
-    }
-    sum[k % F]
 }

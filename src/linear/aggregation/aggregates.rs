@@ -1,6 +1,6 @@
 //! Aggregation of nodes.
 
-use crate::sparse::Blocks;
+use crate::sparse::Symmetric;
 
 /// Fewest nodes of an aggregate that is not merged: rigid motions are not independent on fewer.
 const FEW: usize = 3;
@@ -16,26 +16,24 @@ const NONE: u32 = u32::MAX;
 
 /// Gathers nodes with their strong neighbours (P. Vaněk, J. Mandel, M. Brezina, 1996): nodes i, j with
 /// ‖A_ij‖² > θ² ‖A_ii‖ ‖A_jj‖, in Frobenius norms.
-pub(super) fn aggregates<const B: usize>(a: &Blocks<B, B>, theta: f64) -> Aggregates {
+pub(super) fn aggregates<const B: usize>(a: &Symmetric<B>, theta: f64) -> Aggregates {
     let n = a.nrows();
-    let norms: Vec<f64> = (0..n)
-        .map(|i| a.slot(i, i).map_or(0.0, |k| square(&a.value[k]).sqrt()))
-        .collect();
+    let norms: Vec<f64> = (0..n).map(|i| square(a.diagonal(i)).sqrt()).collect();
     // Squares of the strengths, 0 for weak neighbours; single precision suffices for comparisons.
-    let mut strength = vec![0.0f32; a.col.len()];
+    let mut strength = vec![0.0f32; a.len()];
     for i in 0..n {
-        for k in a.start[i]..a.start[i + 1] {
-            let j = a.col[k] as usize;
-            let relative = square(&a.value[k]) / (norms[i] * norms[j]);
+        let (cols, values) = a.lower().row(i);
+        for ((&j, block), k) in cols.iter().zip(values).zip(a.lower().start[i]..) {
+            let j = j as usize;
+            let relative = square(block) / (norms[i] * norms[j]);
             if j != i && relative > theta * theta {
                 strength[k] = relative as f32;
             }
         }
     }
     let strong = |i: usize| {
-        let span = a.start[i]..a.start[i + 1];
-        let pairs = a.col[span.clone()].iter().zip(&strength[span]);
-        pairs.filter(|p| *p.1 > 0.0).map(|(j, s)| (*j as usize, *s))
+        let pairs = a.places(i).map(|(j, k)| (j, strength[k]));
+        pairs.filter(|p| p.1 > 0.0)
     };
     let mut of = vec![NONE; n];
     let mut count = 0u32;
@@ -67,7 +65,7 @@ pub(super) fn aggregates<const B: usize>(a: &Blocks<B, B>, theta: f64) -> Aggreg
 }
 
 /// Merges each small aggregate with that of the neighbour it is most strongly coupled to.
-fn merge_small<const B: usize>(a: &Blocks<B, B>, of: &mut [u32], count: usize) -> Aggregates {
+fn merge_small<const B: usize>(a: &Symmetric<B>, of: &mut [u32], count: usize) -> Aggregates {
     let mut size = vec![0u32; count];
     of.iter().for_each(|k| size[*k as usize] += 1);
     for i in 0..of.len() {
@@ -75,11 +73,8 @@ fn merge_small<const B: usize>(a: &Blocks<B, B>, of: &mut [u32], count: usize) -
         if size[own as usize] as usize >= FEW {
             continue;
         }
-        let (cols, values) = a.row(i);
-        let others = cols
-            .iter()
-            .zip(values)
-            .map(|(j, v)| (*j as usize, square(v) as f32));
+        let values = &a.lower().value;
+        let others = a.places(i).map(|(j, k)| (j, square(&values[k]) as f32));
         if let Some(j) = strongest(others.filter(|(j, s)| of[*j] != own && *s > 0.0)) {
             size[own as usize] -= 1;
             of[i] = of[j];

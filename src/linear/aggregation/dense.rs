@@ -1,15 +1,14 @@
 //! Small dense blocks.
 
-/// The inverse of a symmetric positive semidefinite block on the components of which the pivots are not negligible; zero rows and
-/// columns for the others, and for those masked.
-pub(super) fn semi_inverse<const B: usize>(m: &[[f64; B]; B], masked: u8) -> [[f64; B]; B] {
-    const NEGLIGIBLE: f64 = 1e-12;
+/// The inverse of a symmetric positive semidefinite block on the components of which the pivots are not negligible, relative to the
+/// diagonal; zero rows and columns for the others, and for those masked.
+pub(super) fn semi_inverse<const B: usize>(m: &[[f64; B]; B], masked: u8, negligible: f64) -> [[f64; B]; B] {
     let mut w = *m;
     let mut live = [false; B];
     // Sweeps of pivots, in which the leading part of w becomes minus its inverse.
     for k in 0..B {
         let pivot = w[k][k];
-        if masked >> k & 1 == 1 || pivot.is_nan() || pivot <= NEGLIGIBLE * m[k][k] || pivot <= 0.0 {
+        if masked >> k & 1 == 1 || pivot.is_nan() || pivot <= negligible * m[k][k] || pivot <= 0.0 {
             continue;
         }
         live[k] = true;

@@ -16,12 +16,12 @@ mod tests;
 use std::collections::BTreeMap;
 
 use self::aggregates::aggregates;
-use self::smoother::{Direct, Smoother};
+use self::smoother::{Added, Direct, Smoother};
 use self::transfer::{Constraints, Modes, Transfer};
 use super::LinearError;
 use crate::clock::Until;
 use crate::parallel;
-use crate::sparse::Blocks;
+use crate::sparse::{Blocks, Entry, ROWS, Symmetric, add_product, wide};
 use crate::spread::Random;
 
 /// Coarsening stops at this many nodes.
@@ -30,6 +30,9 @@ const COARSEST: usize = 120;
 const MIN_COARSENING: f64 = 0.6;
 /// Couplings below this part of the diagonal blocks are weak, on the finest level; on each further one half as much.
 const STRONG: f64 = 0.05;
+/// Further sweeps of each smoothing of a coarse level, which cost little there: with them iterations are as few as with backward sweeps on the
+/// finest level, each of which reads the matrix twice.
+const FURTHER: usize = 1;
 /// Most sweeps of a smoothing.
 const MOST_SWEEPS: usize = 4;
 /// Largest eigenvalues of D⁻¹A beyond which smoothings begin with two and three sweeps: those of hexahedra are 2.8 for ν = 0.28, 3.8 for
@@ -51,9 +54,9 @@ struct Fine<const F: usize> {
     fixed: Vec<u8>,
     /// These and the components fixed at present.
     mask: Vec<u8>,
-    added: BTreeMap<u32, [[f64; F]; F]>,
+    added: Added<F>,
     /// The additions that the coarse levels include: slight changes are left out.
-    known: BTreeMap<u32, [[f64; F]; F]>,
+    known: Added<F>,
     /// Nodes with fixed components or additions, beside those that never were free.
     constrained: Vec<u32>,
     smoother: Smoother<F>,
@@ -68,19 +71,12 @@ impl<const F: usize> Constraints<F> for Fine<F> {
         self.known.get(&(node as u32))
     }
 
-    fn inverse(&self, node: usize) -> &[[f64; F]; F] {
-        &self.smoother.inverse[node]
+    fn inverse(&self, node: usize) -> [[f64; F]; F] {
+        self.smoother.inverse[node]
     }
 }
 
-/// A coarse level.
-#[derive(Debug, Clone)]
-struct Level<const K: usize> {
-    a: Blocks<K, K>,
-    smoother: Smoother<K>,
-}
-
-impl<const K: usize> Constraints<K> for Smoother<K> {
+impl<const K: usize> Constraints<K> for Smoother<K, f32> {
     fn constrained(&self, _node: usize) -> u8 {
         0
     }
@@ -89,20 +85,27 @@ impl<const K: usize> Constraints<K> for Smoother<K> {
         None
     }
 
-    fn inverse(&self, node: usize) -> &[[f64; K]; K] {
-        &self.inverse[node]
+    fn inverse(&self, node: usize) -> [[f64; K]; K] {
+        wide(&self.inverse[node])
     }
 }
 
 /// A V-cycle for symmetric positive definite matrices of F × F blocks with K near-kernel vectors: F = 2, K = 3 in the plane, F = 3,
 /// K = 6 in space.
+///
+/// Coarse levels are in single precision, in units of the matrix, but for the coarsest matrix. The finest level, whose products Krylov
+/// methods use, is in double precision.
 #[derive(Debug, Clone)]
 pub(crate) struct Aggregation<const F: usize, const K: usize> {
     modes: Modes<F, K>,
     fine: Fine<F>,
     first: Option<Transfer<F, K>>,
     transfers: Vec<Transfer<K, K>>,
-    levels: Vec<Level<K>>,
+    /// Of the coarse levels.
+    smoothers: Vec<Smoother<K, f32>>,
+    /// Of these but the coarsest.
+    matrices: Vec<Symmetric<K, f32>>,
+    coarsest: Symmetric<K>,
     direct: Direct,
     /// Sweeps of each smoothing.
     sweeps: usize,
@@ -118,15 +121,16 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
     /// # Errors
     /// [`LinearError::NotPositiveDefinite`]; [`LinearError::Interrupted`] once time is over.
     pub(crate) fn new(
-        a: &Blocks<F, F>,
+        a: &Symmetric<F>,
         modes: Vec<[[f64; K]; F]>,
         fixed: Vec<u8>,
         until: Until,
     ) -> Result<Self, LinearError> {
-        let mut modes = modes;
-        for (m, constrained) in modes.iter_mut().zip(&fixed) {
-            dense::mask_rows(m, *constrained);
-        }
+        let masked = |(mut m, constrained): ([[f64; K]; F], &u8)| {
+            dense::mask_rows(&mut m, *constrained);
+            m.map(|row| row.map(|v| v as f32))
+        };
+        let modes: Modes<F, K> = modes.into_iter().zip(&fixed).map(masked).collect();
         let fine = Fine {
             mask: fixed.clone(),
             added: BTreeMap::new(),
@@ -140,50 +144,56 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         if (0..a.nrows()).any(dead) {
             return Err(LinearError::NotPositiveDefinite);
         }
+        let unit = unit_of(a, &fine);
         let (mut first, mut sweeps) = (None, 1);
-        let (mut levels, mut transfers): (Vec<Level<K>>, Vec<Transfer<K, K>>) = (Vec::new(), Vec::new());
-        let mut coarse_modes = Vec::new();
-        if let Some((transfer, next)) = coarsen(a, &modes, STRONG, &fine, &fine.smoother, until)? {
-            let coarse = transfer.galerkin(a, &fine);
+        let (mut smoothers, mut matrices) = (Vec::<Smoother<K, f32>>::new(), Vec::new());
+        let mut transfers = Vec::new();
+        let mut coarsest = Symmetric::of(Blocks::new(0));
+        if let Some((transfer, mut coarse_modes)) = coarsen((a, &modes), (STRONG, unit), &fine, until)? {
+            coarsest = transfer.galerkin(a, &fine);
             in_time(until)?;
-            let smoother = Smoother::new(&coarse, |_| 0);
-            levels.push(Level { a: coarse, smoother });
-            coarse_modes = next;
             sweeps += STIFF
                 .iter()
                 .filter(|limit| DAMPING / transfer.omega > **limit)
                 .count();
             first = Some(transfer);
+            let mut strong = STRONG;
+            loop {
+                strong *= 0.5;
+                let smoother = Smoother::new(&coarsest, |_| 0);
+                let made = coarsen((&coarsest, &coarse_modes), (strong, 1.0), &smoother, until)?;
+                smoothers.push(smoother);
+                let (Some((transfer, next)), Some(smoother)) = (made, smoothers.last()) else {
+                    break;
+                };
+                // As it is when it changes.
+                let rounded = coarsest.rounded();
+                coarsest = transfer.galerkin(&rounded, smoother);
+                in_time(until)?;
+                coarse_modes = next;
+                matrices.push(rounded);
+                transfers.push(transfer);
+            }
         }
-        let mut strong = STRONG;
-        while let Some(level) = levels.last() {
-            strong *= 0.5;
-            let smoother = &level.smoother;
-            let made = coarsen(&level.a, &coarse_modes, strong, smoother, smoother, until)?;
-            let Some((transfer, next)) = made else {
-                break;
-            };
-            let coarse = transfer.galerkin(&level.a, &level.smoother);
-            in_time(until)?;
-            let smoother = Smoother::new(&coarse, |_| 0);
-            levels.push(Level { a: coarse, smoother });
-            coarse_modes = next;
-            transfers.push(transfer);
-        }
-        let mut direct = match levels.last() {
-            Some(level) => Direct::new(&level.a)?,
-            None => Direct::new(a)?,
-        };
-        match levels.last() {
-            Some(level) => direct.factor(&level.a, &level.smoother)?,
-            None => direct.factor(a, &fine)?,
+        let mut direct;
+        match smoothers.last() {
+            Some(smoother) => {
+                direct = Direct::new(&coarsest)?;
+                direct.factor(&coarsest, smoother)?;
+            }
+            None => {
+                direct = Direct::new(a)?;
+                direct.factor(a, &fine)?;
+            }
         }
         Ok(Self {
             modes,
             fine,
             first,
             transfers,
-            levels,
+            smoothers,
+            matrices,
+            coarsest,
             direct,
             sweeps,
             until,
@@ -198,21 +208,28 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         if let Some(first) = &mut self.first {
             first.until = until;
         }
-        self.levels.iter_mut().for_each(|l| l.smoother.until = until);
+        self.smoothers.iter_mut().for_each(|s| s.until = until);
         self.transfers.iter_mut().for_each(|t| t.until = until);
     }
 
     /// Nodes and stored blocks of each level.
-    pub(crate) fn sizes(&self, a: &Blocks<F, F>) -> Vec<(usize, usize)> {
-        let coarse = self.levels.iter().map(|l| (l.a.nrows(), l.a.col.len()));
-        std::iter::once((a.nrows(), a.col.len())).chain(coarse).collect()
+    pub(crate) fn sizes(&self, a: &Symmetric<F>) -> Vec<(usize, usize)> {
+        let coarse = self.matrices.iter().map(|a| (a.nrows(), a.len()));
+        let last = self
+            .first
+            .iter()
+            .map(|_| (self.coarsest.nrows(), self.coarsest.len()));
+        std::iter::once((a.nrows(), a.len()))
+            .chain(coarse)
+            .chain(last)
+            .collect()
     }
 
     /// Fixes components (unknown by unknown) and adds to diagonal blocks (row, column, value; in the same node), in place of those fixed
     /// and added before. Additions must be symmetric and positive semidefinite.
     pub(crate) fn constrain(
         &mut self,
-        a: &Blocks<F, F>,
+        a: &Symmetric<F>,
         constrained: &[usize],
         added: &[(usize, usize, f64)],
     ) -> Result<(), LinearError> {
@@ -259,7 +276,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
     }
 
     /// Updates all levels for the nodes of the finest one that have changed.
-    fn propagate(&mut self, a: &Blocks<F, F>, changed: &[u32]) -> Result<(), LinearError> {
+    fn propagate(&mut self, a: &Symmetric<F>, changed: &[u32]) -> Result<(), LinearError> {
         let Some(first) = &mut self.first else {
             return self.direct.factor_nearly(a, &self.fine);
         };
@@ -267,59 +284,70 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         first.resmooth(a, &self.modes, &self.fine, &smoothed);
         in_time(self.until)?;
         let mut affected = columns_of(&first.p, &with_neighbours(a, &smoothed));
-        first.resum(a, &self.fine, &affected, &mut self.levels[0].a);
-        in_time(self.until)?;
-        for k in 0..self.levels.len() {
-            let (above, below) = self.levels.split_at_mut(k + 1);
-            let level = &mut above[k];
-            // Columns of rows not affected have changed, their diagonal blocks have not.
-            for &i in &affected {
-                level.smoother.invert(&level.a, i as usize, 0, None);
-            }
-            if let Some(next) = below.first_mut() {
-                affected = columns_of(&self.transfers[k].p, &with_neighbours(&level.a, &affected));
-                self.transfers[k].resum(&level.a, &level.smoother, &affected, &mut next.a);
-                in_time(self.until)?;
-            } else {
-                self.direct.factor_nearly(&level.a, &level.smoother)?;
-            }
+        match self.matrices.first_mut() {
+            Some(coarse) => first.resum(a, &self.fine, &affected, coarse),
+            None => first.resum(a, &self.fine, &affected, &mut self.coarsest),
         }
-        Ok(())
+        in_time(self.until)?;
+        let inner = self.matrices.len();
+        for (k, smoother) in self.smoothers.iter_mut().enumerate() {
+            let (above, below) = self.matrices.split_at_mut(inner.min(k + 1));
+            let Some(a) = above.get(k) else {
+                let invert = |i: &u32| smoother.invert(&self.coarsest, *i as usize, 0, None);
+                affected.iter().for_each(invert);
+                break;
+            };
+            // Columns of rows not affected have changed, their diagonal blocks have not.
+            affected
+                .iter()
+                .for_each(|&i| smoother.invert(a, i as usize, 0, None));
+            let transfer = &self.transfers[k];
+            affected = columns_of(&transfer.p, &with_neighbours(a, &affected));
+            match below.first_mut() {
+                Some(coarse) => transfer.resum(a, smoother, &affected, coarse),
+                None => transfer.resum(a, smoother, &affected, &mut self.coarsest),
+            }
+            in_time(self.until)?;
+        }
+        match self.smoothers.last() {
+            Some(smoother) => self.direct.factor_nearly(&self.coarsest, smoother),
+            None => Ok(()),
+        }
     }
 
     /// Overwrites b by the cycle's approximation to A⁻¹ b, zero in fixed components; [`LinearError::Interrupted`] once time is over.
-    pub(crate) fn apply(&mut self, a: &Blocks<F, F>, b: &mut [f64]) -> Result<(), LinearError> {
+    pub(crate) fn apply(&mut self, a: &Symmetric<F>, b: &mut [f64]) -> Result<(), LinearError> {
+        let fine = &mut self.fine.smoother;
         let Some(first) = &mut self.first else {
             for (node, constrained) in self.fine.mask.iter().enumerate() {
                 (0..F)
                     .filter(|k| constrained >> k & 1 == 1)
                     .for_each(|k| b[F * node + k] = 0.0);
             }
-            return self.direct.solve(b);
+            fine.b.copy_from_slice(b);
+            return self.direct.solve(&fine.b, b);
         };
         in_time(self.until)?;
-        let fine = &mut self.fine.smoother;
         fine.b.copy_from_slice(b);
         fine.smooth_before(a, self.sweeps);
-        first.restrict(&fine.r, &mut self.levels[0].smoother.b);
-        let last = self.levels.len() - 1;
-        for k in 0..last {
-            let (above, below) = self.levels.split_at_mut(k + 1);
-            let level = &mut above[k];
-            level.smoother.smooth_before(&level.a, self.sweeps);
-            self.transfers[k].restrict(&level.smoother.r, &mut below[0].smoother.b);
+        first.restrict(&fine.r, &mut self.smoothers[0].b);
+        let levels = self.matrices.iter().zip(&mut self.transfers).enumerate();
+        for (k, (a, transfer)) in levels {
+            let (above, below) = self.smoothers.split_at_mut(k + 1);
+            above[k].smooth_before(a, self.sweeps + FURTHER);
+            transfer.restrict(&above[k].r, &mut below[0].b);
         }
-        let bottom = &mut self.levels[last].smoother;
-        bottom.x.copy_from_slice(&bottom.b);
-        self.direct.solve(&mut bottom.x)?;
-        for k in (0..last).rev() {
-            let (above, below) = self.levels.split_at_mut(k + 1);
-            let level = &mut above[k];
-            self.transfers[k].prolong(&below[0].smoother.x, &mut level.smoother.x);
-            level.smoother.smooth_after(&level.a, self.sweeps);
+        if let Some(bottom) = self.smoothers.last_mut() {
+            self.direct.solve(&bottom.b, &mut bottom.x)?;
         }
-        first.prolong(&self.levels[0].smoother.x, &mut fine.x);
-        fine.smooth_after(a, self.sweeps);
+        for (k, (a, transfer)) in self.matrices.iter().zip(&self.transfers).enumerate().rev() {
+            let (above, below) = self.smoothers.split_at_mut(k + 1);
+            transfer.prolong(&below[0].x, &mut above[k].x);
+            above[k].smooth_after(a, &Added::new(), self.sweeps + FURTHER, true);
+        }
+        first.prolong(&self.smoothers[0].x, &mut fine.x);
+        // GMRES needs no symmetric cycle; one sweep forward reads the matrix once, backward twice.
+        fine.smooth_after(a, &self.fine.added, self.sweeps, self.sweeps > 1);
         in_time(self.until)?;
         b.copy_from_slice(&fine.x);
         Ok(())
@@ -327,25 +355,31 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
 
     /// One more sweep in each smoothing, up to a few: for matrices on which the cycle converges slowly.
     pub(crate) fn smooth_more(&mut self) {
-        self.sweeps = (self.sweeps + 1).min(MOST_SWEEPS);
+        self.sweeps = (self.sweeps).min(MOST_SWEEPS);
     }
 
     /// y += A x for the x of the last [`apply`](Self::apply), additions to A included, without a product where the cycle has left its
-    /// residual. Fixed components are arbitrary.
-    pub(crate) fn add_image(&self, a: &Blocks<F, F>, x: &[f64], y: &mut [f64]) {
-        let smoother = &self.fine.smoother;
-        if self.first.is_some() {
-            parallel::parts(y, parallel::GRAIN, &|first, y| {
-                let known = smoother.b[first..].iter().zip(&smoother.r[first..]);
-                y.iter_mut().zip(known).for_each(|(y, (b, r))| *y += b - r);
-            });
-            return;
+    /// residual.
+    pub(crate) fn add_image(&self, a: &Symmetric<F>, x: &[f64], y: &mut [f64]) {
+        if self.first.is_none() {
+            return self.add_product(a, x, y);
         }
+        let smoother = &self.fine.smoother;
+        parallel::parts(y, parallel::GRAIN, &|first, y| {
+            let known = smoother.b[first..].iter().zip(&smoother.r[first..]);
+            y.iter_mut().zip(known).for_each(|(y, (b, r))| *y += b - r);
+        });
+    }
+
+    /// y += A x, additions to A included.
+    pub(crate) fn add_product(&self, a: &Symmetric<F>, x: &[f64], y: &mut [f64]) {
         let nodes = x.as_chunks::<F>().0;
-        a.for_products(x, y, &|i, sum, y| {
-            y.iter_mut().zip(sum).for_each(|(y, s)| *y += s);
-            if let Some(added) = self.fine.added.get(&(i as u32)) {
-                crate::sparse::add_product(added, &nodes[i], y);
+        parallel::parts(y.as_chunks_mut::<F>().0, ROWS, &|first, y| {
+            for (i, y) in (first..).zip(y) {
+                y.iter_mut().zip(a.row_product(i, x)).for_each(|(y, s)| *y += s);
+                if let Some(added) = self.fine.added.get(&(i as u32)) {
+                    add_product(added, &nodes[i], y);
+                }
             }
         });
     }
@@ -361,7 +395,7 @@ fn in_time(until: Until) -> Result<(), LinearError> {
 
 /// Whether two additions to a diagonal block of A differ by little, relative to that block; an addition that is removed always counts.
 fn is_near<const F: usize>(
-    a: &Blocks<F, F>,
+    a: &Symmetric<F>,
     node: usize,
     known: Option<&[[f64; F]; F]>,
     now: Option<&[[f64; F]; F]>,
@@ -372,7 +406,7 @@ fn is_near<const F: usize>(
     }
     let zero = [[0.0; F]; F];
     let (known, now) = (known.unwrap_or(&zero), now.unwrap_or(&zero));
-    let own = a.slot(node, node).map_or(&zero, |k| &a.value[k]);
+    let own = a.diagonal(node);
     let (mut change, mut size) = (0.0f64, 0.0f64);
     for k in 0..F {
         for l in 0..F {
@@ -383,13 +417,22 @@ fn is_near<const F: usize>(
     change <= slight * size
 }
 
+/// A power of two with which the largest diagonal entry is at most one, and more than a half.
+fn unit_of<const F: usize>(a: &Symmetric<F>, fine: &Fine<F>) -> f64 {
+    let largest = (0..a.nrows()).fold(0.0f64, |most, i| {
+        let free = (0..F).filter(|k| fine.mask[i] >> k & 1 == 0);
+        free.fold(most, |most, k| most.max(a.diagonal(i)[k][k]))
+    });
+    // The exponent alone, whose inverse is finite for all but the largest numbers.
+    let power = f64::from_bits(largest.to_bits() & !((1 << 52) - 1));
+    if power > 0.0 { 0.5 / power } else { 1.0 }
+}
+
 /// Aggregates, if they are few enough, with the prolongation and the near-kernel of the coarse level.
 fn coarsen<const R: usize, const K: usize>(
-    a: &Blocks<R, R>,
-    modes: &Modes<R, K>,
-    strong: f64,
+    (a, modes): (&Symmetric<R>, &Modes<R, K>),
+    (strong, unit): (f64, f64),
     constraints: &impl Constraints<R>,
-    smoother: &Smoother<R>,
     until: Until,
 ) -> Result<Option<(Transfer<R, K>, Modes<K, K>)>, LinearError> {
     let n = a.nrows();
@@ -401,16 +444,16 @@ fn coarsen<const R: usize, const K: usize>(
     if found.count as f64 * K as f64 > MIN_COARSENING * n as f64 * R as f64 {
         return Ok(None);
     }
-    let omega = DAMPING / largest_eigenvalue(a, smoother, until)?;
-    let made = Transfer::new(a, modes, found, omega, constraints, until);
+    let omega = DAMPING / largest_eigenvalue(a, constraints, until)?;
+    let made = Transfer::new((a, modes), found, (omega, unit), constraints, until);
     in_time(until)?;
     Ok(Some(made))
 }
 
 /// The largest eigenvalue of D⁻¹A by the power method, from a start without a pattern.
 fn largest_eigenvalue<const B: usize>(
-    a: &Blocks<B, B>,
-    smoother: &Smoother<B>,
+    a: &Symmetric<B>,
+    constraints: &impl Constraints<B>,
     until: Until,
 ) -> Result<f64, LinearError> {
     let mut random = Random::new(1);
@@ -420,9 +463,12 @@ fn largest_eigenvalue<const B: usize>(
     for _ in 0..POWER_STEPS {
         in_time(until)?;
         let size = parallel::product(&v, &v).sqrt();
-        a.for_products(&v, &mut w, &|i, sum, w| {
-            *w = [0.0; B];
-            crate::sparse::add_product(&smoother.inverse[i], &sum, w);
+        a.mul(&v, &mut w);
+        parallel::parts(w.as_chunks_mut::<B>().0, ROWS, &|first, w| {
+            for (i, w) in (first..).zip(w) {
+                let image = std::mem::replace(w, [0.0; B]);
+                add_product(&constraints.inverse(i), &image, w);
+            }
         });
         value = parallel::product(&w, &w).sqrt() / size;
         std::mem::swap(&mut v, &mut w);
@@ -436,17 +482,13 @@ fn largest_eigenvalue<const B: usize>(
 }
 
 /// The nodes and all they are coupled to.
-fn with_neighbours<const B: usize>(a: &Blocks<B, B>, nodes: &[u32]) -> Vec<u32> {
-    collect(
-        nodes
-            .iter()
-            .flat_map(|&i| a.row(i as usize).0.iter().copied())
-            .chain(nodes.iter().copied()),
-    )
+fn with_neighbours<const B: usize, S: Entry>(a: &Symmetric<B, S>, nodes: &[u32]) -> Vec<u32> {
+    let row = |&i: &u32| a.places(i as usize).map(|(j, _)| j as u32);
+    collect(nodes.iter().flat_map(row))
 }
 
 /// Columns with a block in one of the rows.
-fn columns_of<const R: usize, const C: usize>(p: &Blocks<R, C>, rows: &[u32]) -> Vec<u32> {
+fn columns_of<const R: usize, const C: usize>(p: &Blocks<R, C, f32>, rows: &[u32]) -> Vec<u32> {
     collect(rows.iter().flat_map(|&i| p.row(i as usize).0.iter().copied()))
 }
 

@@ -1,5 +1,6 @@
 //! Block Gauss–Seidel sweeps, and the direct solve at the bottom.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::dense::semi_inverse;
@@ -7,36 +8,46 @@ use super::transfer::Constraints;
 use crate::clock::Until;
 use crate::linear::{Cholesky, LinearError, LinearSolver};
 use crate::parallel;
-use crate::sparse::{Blocks, Matrix, Pattern, ROWS, add_product, subtract_transposed};
+use crate::sparse::{
+    Entry, Matrix, Pattern, ROWS, RowSum, Symmetric, add_all, add_product, subtract_transposed, wide,
+};
 
-/// Entries of a matrix for which a thread pays off.
-const GRAIN: usize = 1 << 18;
+/// Stored entries of a matrix for which a thread pays off.
+const GRAIN: usize = 1 << 17;
+
+/// Additions to the diagonal blocks of nodes.
+pub(super) type Added<const B: usize> = BTreeMap<u32, [[f64; B]; B]>;
 
 /// Sweeps over a symmetric matrix, and the vectors of its level.
 ///
-/// Rows are relaxed strip by strip, first those of even numbers, then the odd ones (backward the other way round): a strip is coupled
-/// to the two beside it alone, so that strips of one colour are relaxed at the same time, and the sweep is Gauss–Seidel's in another order.
+/// A sweep solves for a step from zero and leaves the residual behind: by symmetry only the lower triangle is read, once where the sweep
+/// goes forward. Rows are relaxed strip by strip, first those of even numbers, then the odd ones (backward the other way round): a strip is
+/// coupled to the two beside it alone, so that strips of one colour are relaxed at the same time, and the sweep is Gauss–Seidel's in another
+/// order.
 #[derive(Debug, Clone)]
-pub(super) struct Smoother<const B: usize> {
+pub(super) struct Smoother<const B: usize, S = f64> {
     /// Inverse diagonal blocks; zero rows and columns in fixed components.
-    pub(super) inverse: Vec<[[f64; B]; B]>,
-    pub(super) x: Vec<f64>,
-    pub(super) b: Vec<f64>,
-    pub(super) r: Vec<f64>,
+    pub(super) inverse: Vec<[[S; B]; B]>,
+    pub(super) x: Vec<S>,
+    pub(super) b: Vec<S>,
+    pub(super) r: Vec<S>,
+    /// The step of the last sweep.
+    step: Vec<S>,
     /// The first row of each strip, and the end.
     strips: Vec<usize>,
-    /// The changes that a strip makes to the residuals of the rows beside it, the first of these rows, and their position here.
-    halo: Vec<[f64; B]>,
+    /// The changes that a strip makes to the residuals of the rows before it, the first of these rows, and their position here.
+    halo: Vec<[S; B]>,
     halo_first: Vec<usize>,
     halo_ends: Vec<usize>,
     /// Once it has passed strips are left as they are.
     pub(super) until: Until,
 }
 
-impl<const B: usize> Smoother<B> {
-    pub(super) fn new(a: &Blocks<B, B>, constrained: impl Fn(usize) -> u8 + Sync) -> Self {
+impl<const B: usize, S: Entry> Smoother<B, S> {
+    /// For a matrix, or for one that is rounded to S entries.
+    pub(super) fn new<M: Entry>(a: &Symmetric<B, M>, constrained: impl Fn(usize) -> u8 + Sync) -> Self {
         let n = a.nrows();
-        let mut inverse = vec![[[0.0; B]; B]; n];
+        let mut inverse = vec![[[S::default(); B]; B]; n];
         parallel::parts(&mut inverse, ROWS, &|first, part| {
             for (i, inverse) in (first..).zip(part) {
                 *inverse = inverse_block(a, i, constrained(i), None);
@@ -45,20 +56,19 @@ impl<const B: usize> Smoother<B> {
         let strips = strips(a);
         let (mut halo_first, mut halo_ends) = (Vec::new(), vec![0]);
         for strip in strips.windows(2) {
-            let rows = || (strip[0]..strip[1]).map(|i| a.row(i).0);
-            let low = rows().filter_map(|cols| cols.first()).min();
-            let high = rows().filter_map(|cols| cols.last()).max();
-            let low = low.map_or(strip[0], |j| strip[0].min(*j as usize));
-            let high = high.map_or(strip[1], |j| strip[1].max(*j as usize + 1));
+            let firsts = (strip[0]..strip[1]).filter_map(|i| a.lower().row(i).0.first());
+            let low = firsts.fold(strip[0], |low, j| low.min(*j as usize));
             halo_first.push(low);
-            halo_ends.push(halo_ends[halo_ends.len() - 1] + (strip[0] - low) + (high - strip[1]));
+            halo_ends.push(halo_ends[halo_ends.len() - 1] + (strip[0] - low));
         }
+        let zeros = || vec![S::default(); B * n];
         Self {
             inverse,
-            x: vec![0.0; B * n],
-            b: vec![0.0; B * n],
-            r: vec![0.0; B * n],
-            halo: vec![[0.0; B]; halo_ends[halo_ends.len() - 1]],
+            x: zeros(),
+            b: zeros(),
+            r: zeros(),
+            step: zeros(),
+            halo: vec![[S::default(); B]; halo_ends[halo_ends.len() - 1]],
             strips,
             halo_first,
             halo_ends,
@@ -66,9 +76,9 @@ impl<const B: usize> Smoother<B> {
         }
     }
 
-    pub(super) fn invert(
+    pub(super) fn invert<M: Entry>(
         &mut self,
-        a: &Blocks<B, B>,
+        a: &Symmetric<B, M>,
         node: usize,
         constrained: u8,
         added: Option<&[[f64; B]; B]>,
@@ -76,43 +86,51 @@ impl<const B: usize> Smoother<B> {
         self.inverse[node] = inverse_block(a, node, constrained, added);
     }
 
-    fn run(&mut self, a: &Blocks<B, B>, sweep: Sweep) {
-        let all = Relaxation {
-            a,
-            inverse: &self.inverse,
-            b: self.b.as_chunks::<B>().0,
-            strips: &self.strips,
-            halos: &self.halo_ends,
-            halo_first: &self.halo_first,
-            sweep,
-            until: self.until,
-        };
-        let count = self.strips.len() - 1;
-        let first = usize::from(count > 1 && sweep == Sweep::Backward);
-        for (colour, last) in [(first, false), (1 - first, true)] {
+    fn run(&mut self, a: &Symmetric<B, S>, passes: &[(Pass, usize)]) {
+        for &(pass, colour) in passes {
+            let all = Strips {
+                a,
+                inverse: &self.inverse,
+                strips: &self.strips,
+                halos: &self.halo_ends,
+                halo_first: &self.halo_first,
+                pass,
+                until: self.until,
+            };
+            let x = match pass {
+                Pass::Residual => &mut self.x,
+                _ => &mut self.step,
+            };
             let whole = Part {
-                strips: 0..count,
+                strips: 0..self.strips.len() - 1,
                 before: &[],
-                x: self.x.as_chunks_mut().0,
-                after: &[],
+                x: x.as_chunks_mut().0,
                 r: self.r.as_chunks_mut().0,
                 halo: &mut self.halo,
+                after: &[],
             };
-            all.colour(colour, last, whole);
+            all.colour(colour, whole);
         }
-        // Changes by strips of the second colour to the rows beside them.
-        let r = self.r.as_chunks_mut::<B>().0;
-        for k in (1 - first..count).step_by(2) {
-            let halo = &self.halo[self.halo_ends[k]..self.halo_ends[k + 1]];
-            let (before, after) = halo.split_at(self.strips[k] - self.halo_first[k]);
-            let rows = self.halo_first[k]..self.strips[k];
-            for (r, h) in r[rows].iter_mut().zip(before) {
-                r.iter_mut().zip(h).for_each(|(r, h)| *r += h);
-            }
-            for (r, h) in r[self.strips[k + 1]..].iter_mut().zip(after) {
-                r.iter_mut().zip(h).for_each(|(r, h)| *r += h);
-            }
-        }
+    }
+
+    /// A step from zero for the residual, which is updated: forward, or backward in the reverse order.
+    fn sweep(&mut self, a: &Symmetric<B, S>, backward: bool) {
+        let first = usize::from(backward && self.strips.len() > 2);
+        self.run(
+            a,
+            &[
+                (Pass::First { backward }, first),
+                (Pass::Second { backward }, 1 - first),
+                (Pass::Settle, first),
+            ],
+        );
+    }
+
+    fn add_step(&mut self) {
+        let step = &self.step;
+        parallel::parts(&mut self.x, parallel::GRAIN, &|first, x| {
+            x.iter_mut().zip(&step[first..]).for_each(|(x, s)| *x += *s);
+        });
     }
 
     #[cfg(test)]
@@ -121,75 +139,81 @@ impl<const B: usize> Smoother<B> {
     }
 
     /// Before the coarse correction: x from zero, r its residual. Sweeps go forward and backward by turns.
-    pub(super) fn smooth_before(&mut self, a: &Blocks<B, B>, sweeps: usize) {
-        self.run(a, Sweep::FromZero);
+    pub(super) fn smooth_before(&mut self, a: &Symmetric<B, S>, sweeps: usize) {
+        self.r.copy_from_slice(&self.b);
+        self.sweep(a, false);
+        std::mem::swap(&mut self.x, &mut self.step);
         for k in 1..sweeps {
-            self.run(
-                a,
-                if k % 2 == 1 {
-                    Sweep::Backward
-                } else {
-                    Sweep::Forward
-                },
-            );
+            self.sweep(a, k % 2 == 1);
+            self.add_step();
         }
     }
 
-    /// After it, in reverse: the cycle stays symmetric.
-    pub(super) fn smooth_after(&mut self, a: &Blocks<B, B>, sweeps: usize) {
+    /// After it, for A with additions: in reverse if the cycle is to be `symmetric`, else in the same order.
+    pub(super) fn smooth_after(
+        &mut self,
+        a: &Symmetric<B, S>,
+        added: &Added<B>,
+        sweeps: usize,
+        symmetric: bool,
+    ) {
+        self.r.copy_from_slice(&self.b);
+        self.run(a, &[(Pass::Residual, 0), (Pass::Residual, 1)]);
+        for (k, &first) in self.halo_first.iter().enumerate() {
+            let halo = &self.halo[self.halo_ends[k]..self.halo_ends[k + 1]];
+            add_all(halo, &mut self.r.as_chunks_mut().0[first..]);
+        }
+        for (&i, more) in added {
+            let own = B * i as usize..B * (i as usize + 1);
+            let x: [f64; B] = std::array::from_fn(|k| self.x[own.start + k].wide());
+            let mut image = [0.0; B];
+            add_product(more, &x, &mut image);
+            (self.r[own].iter_mut().zip(image)).for_each(|(r, v)| *r -= S::narrow(v));
+        }
         for k in (0..sweeps).rev() {
-            self.run(
-                a,
-                if k % 2 == 0 {
-                    Sweep::Backward
-                } else {
-                    Sweep::Forward
-                },
-            );
+            self.sweep(a, (k % 2 == 0) == symmetric);
+            self.add_step();
         }
     }
 }
 
-fn inverse_block<const B: usize>(
-    a: &Blocks<B, B>,
+fn inverse_block<const B: usize, S: Entry, M: Entry>(
+    a: &Symmetric<B, M>,
     node: usize,
     constrained: u8,
     added: Option<&[[f64; B]; B]>,
-) -> [[f64; B]; B] {
-    let mut block = a.slot(node, node).map_or([[0.0; B]; B], |k| a.value[k]);
+) -> [[S; B]; B] {
+    let mut block = wide(a.diagonal(node));
     if let Some(added) = added {
         for (row, more) in block.iter_mut().zip(added) {
             row.iter_mut().zip(more).for_each(|(v, m)| *v += m);
         }
     }
-    semi_inverse(&block, constrained)
+    semi_inverse(&block, constrained, M::NEGLIGIBLE).map(|row| row.map(S::narrow))
 }
 
 /// Rows cut so that a strip has no couplings but with the strips beside it; a single one if there would not be two of a colour. Wide strips
 /// have fewer couplings with others, narrow ones are more.
-fn strips<const B: usize>(a: &Blocks<B, B>) -> Vec<usize> {
+fn strips<const B: usize, S: Entry>(a: &Symmetric<B, S>) -> Vec<usize> {
     const ENOUGH: usize = 8;
-    let found = [3, 2, 1].map(|width| cut(a, width));
-    let [wide, middle, narrow] = found;
-    let best = [wide, middle]
-        .into_iter()
-        .find(|s| s.len() > ENOUGH)
-        .unwrap_or(narrow);
+    let wide = [3, 2].into_iter().map(|width| cut(a, width));
+    let best = (wide.into_iter().find(|s| s.len() > ENOUGH)).unwrap_or_else(|| cut(a, 1));
     if best.len() < 4 { vec![0, a.nrows()] } else { best }
 }
 
 /// Strips of `width` times the least width.
-fn cut<const B: usize>(a: &Blocks<B, B>, width: usize) -> Vec<usize> {
-    let n = a.nrows();
+fn cut<const B: usize, S: Entry>(a: &Symmetric<B, S>, width: usize) -> Vec<usize> {
+    let (n, starts) = (a.nrows(), &a.lower().start);
     let mut strips = vec![0];
     let (mut start, mut reach, mut row) = (0, 0, 0);
     while start < n {
         // All that rows before `start` are coupled to ends with the strip that begins there.
         while row < start {
-            reach = a.row(row).0.last().map_or(reach, |j| reach.max(*j as usize + 1));
+            let last = a.below(row).last().map_or(row, |(j, _)| *j as usize);
+            reach = reach.max(last + 1);
             row += 1;
         }
-        let enough = a.start.partition_point(|k| *k < a.start[start] + GRAIN / (B * B));
+        let enough = starts.partition_point(|k| *k < starts[start] + GRAIN / (B * B));
         let least = start + width * reach.saturating_sub(start);
         start = enough.max(least).max(start + 1).min(n);
         strips.push(start);
@@ -198,37 +222,40 @@ fn cut<const B: usize>(a: &Blocks<B, B>, width: usize) -> Vec<usize> {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Sweep {
-    /// Forward from x = 0.
-    FromZero,
-    Forward,
-    Backward,
+enum Pass {
+    /// Relaxes the strips of the first colour from x = 0, while those beside them are zero: r ← r − A x in these strips.
+    First { backward: bool },
+    /// Relaxes those of the second colour, in view of what the first one has found.
+    Second { backward: bool },
+    /// What strips of the second colour change in the residuals of the first one.
+    Settle,
+    /// r ← r − A x, but for what strips change in the rows before them, which is in their halos.
+    Residual,
 }
 
-struct Relaxation<'a, const B: usize> {
-    a: &'a Blocks<B, B>,
-    inverse: &'a [[[f64; B]; B]],
-    b: &'a [[f64; B]],
+struct Strips<'a, const B: usize, S> {
+    a: &'a Symmetric<B, S>,
+    inverse: &'a [[[S; B]; B]],
     strips: &'a [usize],
     halos: &'a [usize],
     halo_first: &'a [usize],
-    sweep: Sweep,
+    pass: Pass,
     until: Until,
 }
 
-/// Strips in a row, with x on the strips beside them.
-struct Part<'a, const B: usize> {
+/// Strips in a row, with x on the strip before them and the halo of the strip after them.
+struct Part<'a, const B: usize, S> {
     strips: Range<usize>,
-    before: &'a [[f64; B]],
-    x: &'a mut [[f64; B]],
-    after: &'a [[f64; B]],
-    r: &'a mut [[f64; B]],
-    halo: &'a mut [[f64; B]],
+    before: &'a [[S; B]],
+    x: &'a mut [[S; B]],
+    r: &'a mut [[S; B]],
+    halo: &'a mut [[S; B]],
+    after: &'a [[S; B]],
 }
 
-impl<const B: usize> Relaxation<'_, B> {
-    /// Relaxes the strips of the part whose numbers are odd (1) or even (0), which are the first or the last ones of the sweep.
-    fn colour(&self, odd: usize, last: bool, part: Part<'_, B>) {
+impl<const B: usize, S: Entry> Strips<'_, B, S> {
+    /// Goes through the strips of the part whose numbers are odd (1) or even (0).
+    fn colour(&self, odd: usize, part: Part<'_, B, S>) {
         let (from, to) = (part.strips.start, part.strips.end);
         let first = from + (from + odd) % 2;
         if first >= to {
@@ -241,204 +268,230 @@ impl<const B: usize> Relaxation<'_, B> {
                 return;
             }
             let rows = self.strips[first]..self.strips[first + 1];
-            let (x_before, x) = part.x.split_at_mut(rows.start - offset);
-            let (x, x_after) = x.split_at_mut(rows.len());
+            let (before, x) = part.x.split_at_mut(rows.start - offset);
+            let (halo, after) = part.halo.split_at_mut(self.halos[first + 1] - shift);
+            let after = if first + 1 < to { after } else { part.after };
             let strip = Strip {
                 all: self,
-                before: if first > from { x_before } else { part.before },
-                x,
-                after: if first + 1 < to { x_after } else { part.after },
+                before: if first > from { before } else { part.before },
+                x: &mut x[..rows.len()],
                 r: &mut part.r[rows.start - offset..rows.end - offset],
-                halo: &mut part.halo[self.halos[first] - shift..self.halos[first + 1] - shift],
+                halo: &mut halo[self.halos[first] - shift..],
                 first: self.halo_first[first],
                 rows,
             };
-            return match (self.sweep, last) {
-                (Sweep::FromZero, false) => strip.relax_zero::<false>(),
-                (Sweep::FromZero, true) => strip.relax_zero::<true>(),
-                (_, false) => strip.relax::<false>(),
-                (_, true) => strip.relax::<true>(),
+            // Where the rows that the next strip changes begin.
+            let next = self.halo_first.get(first + 1).map_or(0, |k| k - strip.rows.start);
+            return match self.pass {
+                Pass::First { backward: false } => strip.forward::<false>(),
+                Pass::First { backward: true } => strip.backward::<false>(),
+                Pass::Second { backward } => {
+                    add_all(after, &mut strip.r[next..]);
+                    if backward {
+                        strip.backward::<true>();
+                    } else {
+                        strip.forward::<true>();
+                    }
+                }
+                Pass::Settle => {
+                    add_all(after, &mut strip.r[next..]);
+                    strip.settle();
+                }
+                Pass::Residual => strip.subtract(),
             };
         }
-        // A strip of the other colour is read from both sides.
+        // A strip of the other colour is read by the one after it, its halo by the one before it.
         let middle = first + 2 * (count / 2) - 1;
         let (start, end) = (self.strips[middle] - offset, self.strips[middle + 1] - offset);
         let (x_low, x) = part.x.split_at_mut(start);
         let (between, x_high) = x.split_at_mut(end - start);
         let (r_low, r) = part.r.split_at_mut(start);
         let (halo_low, halo) = part.halo.split_at_mut(self.halos[middle] - shift);
-        let between = &*between;
+        let (after, halo_high) = halo.split_at_mut(self.halos[middle + 1] - self.halos[middle]);
         let low = Part {
             strips: from..middle,
             before: part.before,
             x: x_low,
-            after: between,
             r: r_low,
             halo: halo_low,
+            after,
         };
         let high = Part {
             strips: middle + 1..to,
             before: between,
             x: x_high,
-            after: part.after,
             r: &mut r[end - start..],
-            halo: &mut halo[self.halos[middle + 1] - self.halos[middle]..],
+            halo: halo_high,
+            after: part.after,
         };
-        parallel::join(|| self.colour(odd, last, low), || self.colour(odd, last, high));
+        parallel::join(|| self.colour(odd, low), || self.colour(odd, high));
     }
 }
 
-/// One strip: its rows, its part of x and r, x on the strips beside it, and the changes of their residuals.
-struct Strip<'a, const B: usize> {
-    all: &'a Relaxation<'a, B>,
+/// One strip: its rows, its part of x and r, x on the strip before it, and the changes of the residuals there.
+struct Strip<'a, const B: usize, S> {
+    all: &'a Strips<'a, B, S>,
     rows: Range<usize>,
-    before: &'a [[f64; B]],
-    x: &'a mut [[f64; B]],
-    after: &'a [[f64; B]],
-    r: &'a mut [[f64; B]],
-    /// Rows from `first` on, without those of the strip.
-    halo: &'a mut [[f64; B]],
+    before: &'a [[S; B]],
+    x: &'a mut [[S; B]],
+    r: &'a mut [[S; B]],
+    /// Rows from `first` up to the strip.
+    halo: &'a mut [[S; B]],
     first: usize,
 }
 
-impl<const B: usize> Strip<'_, B> {
-    /// x ← a forward sweep from x = 0, r ← b − A x: that residual is −(upper part) x, which by symmetry is gathered from the lower
-    /// part, the only one that is read. Beside the first strips x is still zero.
-    fn relax_zero<const LAST: bool>(mut self) {
-        if LAST {
-            self.halo.fill([0.0; B]);
-        }
-        let (start, end) = (self.rows.start, self.rows.end);
-        for i in start..end {
-            let (cols, values) = self.all.a.row(i);
-            let mut sum = [0.0; B];
-            let low = if LAST {
-                self.add_before(cols, values, &mut sum)
-            } else {
-                cols.iter().take_while(|j| (**j as usize) < start).count()
-            };
-            let mut diagonal = low;
-            while diagonal < cols.len() && (cols[diagonal] as usize) < i {
-                add_product(
-                    &values[diagonal],
-                    &self.x[cols[diagonal] as usize - start],
-                    &mut sum,
-                );
-                diagonal += 1;
+impl<const B: usize, S: Entry> Strip<'_, B, S> {
+    /// x ← a forward sweep from x = 0; r, the right-hand side, becomes the residual: −(upper part) x, which by symmetry is gathered from
+    /// the lower part. With `COUPLED` x on the strip before this one counts, which is zero otherwise.
+    fn forward<const COUPLED: bool>(mut self) {
+        self.halo.fill([S::default(); B]);
+        let start = self.rows.start;
+        for i in self.rows.clone() {
+            let (cols, values) = self.all.a.lower().row(i);
+            let last = cols.len() - 1;
+            let low = count_before(cols, start);
+            let mut sum = RowSum::new();
+            if COUPLED {
+                self.add_before(&cols[..low], values, &mut sum);
             }
-            let mut high = cols.len();
-            if LAST {
-                high = self.add_after(cols, values, &mut sum);
+            for (&j, block) in cols[low..last].iter().zip(&values[low..]) {
+                sum.add(block, &self.x[j as usize - start]);
             }
-            let rest: [f64; B] = std::array::from_fn(|k| self.all.b[i][k] - sum[k]);
-            let mut step = [0.0; B];
-            add_product(&self.all.inverse[i], &rest, &mut step);
-            self.x[i - start] = step;
-            self.r[i - start] = [0.0; B];
-            for (&j, block) in cols[low..diagonal].iter().zip(&values[low..diagonal]) {
+            let step = self.relax(i, &values[last], &sum);
+            self.owe(&cols[..low], values, &step);
+            for (&j, block) in cols[low..last].iter().zip(&values[low..]) {
                 subtract_transposed(block, &step, &mut self.r[j as usize - start]);
             }
-            if LAST {
-                self.owe(cols, values, low, high, &step);
-            }
         }
     }
 
-    /// A sweep from the current x, and r ← b − A x: once a row is relaxed, later changes of its residual are gathered, by symmetry, from
-    /// the rows that are relaxed after it. Fixed components are arbitrary in r.
-    fn relax<const LAST: bool>(mut self) {
-        if LAST {
-            self.halo.fill([0.0; B]);
-        }
-        let (start, end) = (self.rows.start, self.rows.end);
-        let backward = self.all.sweep == Sweep::Backward;
-        for k in 0..end - start {
-            let i = if backward { end - 1 - k } else { start + k };
-            let (cols, values) = self.all.a.row(i);
-            let mut sum = [0.0; B];
-            let low = self.add_before(cols, values, &mut sum);
-            let high = self.add_after(cols, values, &mut sum);
-            let mut diagonal = low;
-            for k in low..high {
-                let j = cols[k] as usize;
-                if j == i {
-                    diagonal = k;
-                } else {
-                    add_product(&values[k], &self.x[j - start], &mut sum);
-                }
+    /// The same backward: what a row changes in those before it is found by symmetry, what these change in it by another reading.
+    fn backward<const COUPLED: bool>(mut self) {
+        self.halo.fill([S::default(); B]);
+        let start = self.rows.start;
+        for i in self.rows.clone().rev() {
+            let (cols, values) = self.all.a.lower().row(i);
+            let last = cols.len() - 1;
+            let low = count_before(cols, start);
+            let mut sum = RowSum::new();
+            if COUPLED {
+                self.add_before(&cols[..low], values, &mut sum);
             }
-            let rest: [f64; B] = std::array::from_fn(|k| self.all.b[i][k] - sum[k]);
-            let mut new = [0.0; B];
-            add_product(&self.all.inverse[i], &rest, &mut new);
-            let own = &mut self.x[i - start];
-            let step: [f64; B] = std::array::from_fn(|k| new[k] - own[k]);
-            *own = new;
-            self.r[i - start] = [0.0; B];
-            let earlier = if backward {
-                diagonal + 1..high
-            } else {
-                low..diagonal
-            };
-            for (&j, block) in cols[earlier.clone()].iter().zip(&values[earlier]) {
+            let step = self.relax(i, &values[last], &sum);
+            self.owe(&cols[..low], values, &step);
+            for (&j, block) in cols[low..last].iter().zip(&values[low..]) {
                 subtract_transposed(block, &step, &mut self.r[j as usize - start]);
             }
-            if LAST {
-                self.owe(cols, values, low, high, &step);
+        }
+        for i in self.rows.clone() {
+            let (cols, values) = self.all.a.lower().row(i);
+            let low = count_before(cols, start);
+            let mut sum = RowSum::new();
+            for (&j, block) in cols[low..cols.len() - 1].iter().zip(&values[low..]) {
+                sum.add(block, &self.x[j as usize - start]);
             }
+            self.take_off(i, &sum);
         }
     }
 
-    /// Adds the products of a row with x on the strip before this one; returns where the columns of this one begin.
+    /// Solves for x in a row. Its residual is then zero but for fixed components.
     #[inline(always)]
-    fn add_before(&self, cols: &[u32], values: &[[[f64; B]; B]], sum: &mut [f64; B]) -> usize {
-        let first = self.rows.start - self.before.len();
-        let mut k = 0;
-        while k < cols.len() && (cols[k] as usize) < self.rows.start {
-            add_product(&values[k], &self.before[cols[k] as usize - first], sum);
-            k += 1;
+    fn relax(&mut self, i: usize, diagonal: &[[S; B]; B], sum: &RowSum<B, B, S>) -> [S; B] {
+        let (own, sum) = (&mut self.r[i - self.rows.start], sum.total());
+        let mut rest = *own;
+        rest.iter_mut().zip(sum).for_each(|(r, s)| *r -= s);
+        let inverse = &self.all.inverse[i];
+        let mut step = [S::default(); B];
+        add_product(inverse, &rest, &mut step);
+        self.x[i - self.rows.start] = step;
+        *own = [S::default(); B];
+        for k in (0..B).filter(|&k| inverse[k][k] == S::default()) {
+            own[k] = (0..B).fold(rest[k], |left, l| left - diagonal[k][l] * step[l]);
         }
-        k
+        step
     }
 
-    /// The same with the strip after this one; returns where the columns of this one end.
+    /// Adds the products of a row with x on the strip before this one.
     #[inline(always)]
-    fn add_after(&self, cols: &[u32], values: &[[[f64; B]; B]], sum: &mut [f64; B]) -> usize {
-        let mut k = cols.len();
-        while k > 0 && cols[k - 1] as usize >= self.rows.end {
-            k -= 1;
-            add_product(&values[k], &self.after[cols[k] as usize - self.rows.end], sum);
+    fn add_before(&self, cols: &[u32], values: &[[[S; B]; B]], sum: &mut RowSum<B, B, S>) {
+        let shift = self.rows.start - self.before.len();
+        for (&j, block) in cols.iter().zip(values) {
+            sum.add(block, &self.before[j as usize - shift]);
         }
-        k
     }
 
-    /// The changes that a step makes to the residuals of the rows beside this strip, whose columns end at `low` and begin at `high`.
+    /// What a step changes in the residuals of the rows before this strip.
     #[inline(always)]
-    fn owe(&mut self, cols: &[u32], values: &[[[f64; B]; B]], low: usize, high: usize, step: &[f64; B]) {
-        for (&j, block) in cols[..low].iter().zip(values) {
+    fn owe(&mut self, cols: &[u32], values: &[[[S; B]; B]], step: &[S; B]) {
+        for (&j, block) in cols.iter().zip(values) {
             subtract_transposed(block, step, &mut self.halo[j as usize - self.first]);
         }
-        for (&j, block) in cols[high..].iter().zip(&values[high..]) {
-            let place = j as usize - self.first - self.rows.len();
-            subtract_transposed(block, step, &mut self.halo[place]);
+    }
+
+    #[inline(always)]
+    fn take_off(&mut self, i: usize, sum: &RowSum<B, B, S>) {
+        let own = &mut self.r[i - self.rows.start];
+        own.iter_mut().zip(sum.total()).for_each(|(r, s)| *r -= s);
+    }
+
+    /// Subtracts the products of its rows with x on the strip before this one.
+    fn settle(mut self) {
+        let start = self.rows.start;
+        for i in self.rows.clone() {
+            let (cols, values) = self.all.a.lower().row(i);
+            let low = count_before(cols, start);
+            if low > 0 {
+                let mut sum = RowSum::new();
+                self.add_before(&cols[..low], values, &mut sum);
+                self.take_off(i, &sum);
+            }
         }
     }
+
+    /// r ← r − A x in this strip, and its part of that in the rows before it.
+    fn subtract(mut self) {
+        self.halo.fill([S::default(); B]);
+        let start = self.rows.start;
+        for i in self.rows.clone() {
+            let (cols, values) = self.all.a.lower().row(i);
+            let last = cols.len() - 1;
+            let low = count_before(cols, start);
+            let x = self.x[i - start];
+            let mut sum = RowSum::new();
+            self.add_before(&cols[..low], values, &mut sum);
+            self.owe(&cols[..low], values, &x);
+            for (&j, block) in cols[low..last].iter().zip(&values[low..]) {
+                sum.add(block, &self.x[j as usize - start]);
+                subtract_transposed(block, &x, &mut self.r[j as usize - start]);
+            }
+            sum.add(&values[last], &x);
+            self.take_off(i, &sum);
+        }
+    }
+}
+
+/// How many columns of a row are before the strip that begins at `start`.
+#[inline(always)]
+fn count_before(cols: &[u32], start: usize) -> usize {
+    cols.iter().take_while(|j| (**j as usize) < start).count()
 }
 
 /// Share of a diagonal entry that is added where a coarse matrix is singular by rounding.
 const SHIFT: f64 = 1e-9;
 
-/// A direct solver for the coarsest matrix. Unknowns without a positive pivot are left out.
+/// A direct solver for the coarsest matrix, in double precision. Unknowns without a positive pivot are left out.
 #[derive(Debug, Clone)]
 pub(super) struct Direct {
     cholesky: Cholesky,
     matrix: Matrix,
+    x: Vec<f64>,
 }
 
 impl Direct {
-    pub(super) fn new<const B: usize>(a: &Blocks<B, B>) -> Result<Self, LinearError> {
+    pub(super) fn new<const B: usize>(a: &Symmetric<B>) -> Result<Self, LinearError> {
         let n = a.nrows();
         let entries = (0..n).flat_map(|i| {
-            let blocks = a.row(i).0.iter().map(|j| *j as usize).filter(move |j| *j <= i);
+            let blocks = a.lower().row(i).0.iter().map(|j| *j as usize);
             blocks.flat_map(move |j| (0..B * B).map(move |e| (B * i + e / B, B * j + e % B)))
         });
         let pattern = Pattern::from_entries(B * n, B * n, entries)?;
@@ -447,13 +500,14 @@ impl Direct {
         Ok(Self {
             cholesky,
             matrix: Matrix::zeros(pattern),
+            x: vec![0.0; B * n],
         })
     }
 
     /// As [`factor_nearly`](Self::factor_nearly), but a singular matrix is an error.
     pub(super) fn factor<const B: usize>(
         &mut self,
-        a: &Blocks<B, B>,
+        a: &Symmetric<B>,
         constraints: &impl Constraints<B>,
     ) -> Result<(), LinearError> {
         self.fill(a, constraints, 0.0)
@@ -462,7 +516,7 @@ impl Direct {
     /// Factors the matrix, with a little added to its diagonal where constraints have made it singular.
     pub(super) fn factor_nearly<const B: usize>(
         &mut self,
-        a: &Blocks<B, B>,
+        a: &Symmetric<B>,
         constraints: &impl Constraints<B>,
     ) -> Result<(), LinearError> {
         if self.fill(a, constraints, 0.0).is_ok() {
@@ -473,15 +527,15 @@ impl Direct {
 
     fn fill<const B: usize>(
         &mut self,
-        a: &Blocks<B, B>,
+        a: &Symmetric<B>,
         constraints: &impl Constraints<B>,
         shift: f64,
     ) -> Result<(), LinearError> {
         self.matrix.clear();
         let live = |node: usize, k: usize| constraints.inverse(node)[k][k] > 0.0;
         for i in 0..a.nrows() {
-            let (cols, values) = a.row(i);
-            for (&j, block) in cols.iter().zip(values).filter(|c| *c.0 as usize <= i) {
+            let (cols, values) = a.lower().row(i);
+            for (&j, block) in cols.iter().zip(values) {
                 let j = j as usize;
                 for (r, c) in (0..B * B).map(|e| (e / B, e % B)) {
                     if live(i, r) && live(j, c) {
@@ -499,7 +553,11 @@ impl Direct {
         self.cholesky.factor(self.matrix.as_ref())
     }
 
-    pub(super) fn solve(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
-        self.cholesky.solve_in_place(b)
+    /// x ← A⁻¹ b.
+    pub(super) fn solve<S: Entry>(&mut self, b: &[S], x: &mut [S]) -> Result<(), LinearError> {
+        self.x.iter_mut().zip(b).for_each(|(x, b)| *x = b.wide());
+        self.cholesky.solve_in_place(&mut self.x)?;
+        x.iter_mut().zip(&self.x).for_each(|(x, v)| *x = S::narrow(*v));
+        Ok(())
     }
 }

@@ -36,7 +36,7 @@ fn block(n: [usize; 3]) -> Mesh {
     Mesh::block([0.0; 3], [2.0, 2.0, 1.0], n).unwrap()
 }
 
-fn space(a: &NodalMatrix) -> &Blocks<3, 3> {
+fn space(a: &NodalMatrix) -> &Symmetric<3> {
     match &a.blocks {
         NodalBlocks::Space(a) => a,
         NodalBlocks::Plane(_) => panic!("a body in space"),
@@ -55,7 +55,7 @@ fn iterations(a: &NodalMatrix, constrained: &[usize]) -> usize {
     constrained.iter().for_each(|k| b[*k] = 0.0);
     let rhs = b.clone();
     let cycle = std::cell::RefCell::new(cycle);
-    let outcome = Gmres::new(60)
+    let outcome = Gmres::flexible(60)
         .solve(
             |x, y| {
                 cycle.borrow().add_image(blocks, x, y);
@@ -76,9 +76,9 @@ fn iterations(a: &NodalMatrix, constrained: &[usize]) -> usize {
     outcome.iterations
 }
 
-/// Strips of rows, relaxed in two colours: the residual that a smoothing returns is the true one, and the cycle is symmetric.
+/// Strips of rows, relaxed in two colours: the residual that a smoothing returns is the true one.
 #[test]
-fn residuals_of_sweeps_are_true_and_the_cycle_is_symmetric() {
+fn residuals_of_sweeps_are_true() {
     let steel = Material::isotropic(1.0, 0.277).unwrap();
     let a = body(block([40, 15, 8]), steel, 1.0);
     let blocks = space(&a);
@@ -95,27 +95,14 @@ fn residuals_of_sweeps_are_true_and_the_cycle_is_symmetric() {
         dot(&smoother.r, &smoother.r).sqrt()
     };
     smoother.b.copy_from_slice(&b);
-    for sweeps in [1, 2] {
-        smoother.smooth_before(blocks, sweeps);
-        let before = check(&smoother);
-        smoother.smooth_after(blocks, sweeps);
-        assert!(check(&smoother) < before);
+    for sweeps in [1, 2, 3] {
+        for symmetric in [false, true] {
+            smoother.smooth_before(blocks, sweeps);
+            let before = check(&smoother);
+            smoother.smooth_after(blocks, &Added::new(), sweeps, symmetric);
+            assert!(check(&smoother) < before);
+        }
     }
-    let mut cycle = Aggregation::<3, 6>::new(
-        blocks,
-        rigid(a.points()),
-        vec![0; a.num_nodes()],
-        Until::default(),
-    )
-    .unwrap();
-    cycle.constrain(blocks, &bottom(&a), &[]).unwrap();
-    let c: Vec<f64> = (0..n).map(|k| crate::spread::centred(k + 1, true)).collect();
-    let (mut x, mut y) = (b.clone(), c.clone());
-    cycle.apply(blocks, &mut x).unwrap();
-    cycle.apply(blocks, &mut y).unwrap();
-    let (left, right) = (dot(&c, &x), dot(&b, &y));
-    assert!((left - right).abs() <= 1e-12 * left.abs(), "{left} {right}");
-    assert!(dot(&b, &x) > 0.0 && dot(&c, &y) > 0.0);
 }
 
 /// Every other node at the bottom sticks, the rest is fixed along z.
@@ -169,59 +156,95 @@ fn bodies_of_all_kinds_take_few_iterations() {
     }
 }
 
-/// Coarse matrices after a change of constraints are Galerkin products, as if the hierarchy were rebuilt, and changing back is exact.
+/// Twice the largest relative rounding of coarse matrices, which are in single precision where they are not the coarsest.
+const SINGLE: f64 = f32::EPSILON as f64;
+
+/// The first coarse matrix, entry by entry, in the units of A.
+fn coarse(cycle: &Aggregation<3, 6>) -> Vec<f64> {
+    let unit = cycle.first.as_ref().unwrap().unit();
+    let wide = |b: [[f32; 6]; 6]| b.map(|row| row.map(f64::from));
+    let blocks: Vec<[[f64; 6]; 6]> = match cycle.matrices.first() {
+        Some(a) => a.lower().value.iter().copied().map(wide).collect(),
+        None => cycle.coarsest.lower().value.clone(),
+    };
+    let entries = blocks.as_flattened().as_flattened().iter();
+    entries.map(|v| v / unit).collect()
+}
+
+fn largest(v: &[f64]) -> f64 {
+    v.iter().fold(0.0f64, |m, v| m.max(v.abs()))
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()))
+}
+
+/// Coarse matrices after a change of constraints are Galerkin products, as if the hierarchy were rebuilt, and changing back leaves rounding.
 #[test]
 fn constraints_change_what_depends_on_them_and_nothing_is_missed() {
-    let a = body(block([9, 8, 4]), Material::isotropic(1.0, 0.3).unwrap(), 1.0);
-    let blocks = space(&a);
-    let mut cycle = Aggregation::<3, 6>::new(
-        blocks,
-        rigid(a.points()),
-        vec![0; a.num_nodes()],
-        Until::default(),
-    )
-    .unwrap();
-    let free = cycle.levels[0].a.clone();
-    let constrained = bottom(&a);
-    let node = constrained[0] / 3 + 3;
-    let added = [(3 * node, 3 * node, 2.0), (3 * node + 1, 3 * node + 1, 0.5)];
-    cycle.constrain(blocks, &constrained[3..], &added).unwrap();
-    cycle.constrain(blocks, &constrained, &added).unwrap();
-    let p = cycle.first.as_ref().unwrap().p.clone();
-    let mut changed = blocks.clone();
-    let diagonal = changed.slot(node, node).unwrap();
-    changed.value[diagonal][0][0] += 2.0;
-    changed.value[diagonal][1][1] += 0.5;
-    let m = cycle.levels[0].a.nrows();
-    let (mut x, mut y) = (vec![0.0; 3 * a.num_nodes()], vec![0.0; 3 * a.num_nodes()]);
-    let largest = free
-        .value
-        .iter()
-        .flatten()
-        .flatten()
-        .fold(0.0f64, |m, v| m.max(v.abs()));
-    for k in 0..6 * m {
-        let mut unit = vec![0.0; 6 * m];
-        unit[k] = 1.0;
-        p.mul(&unit, &mut x);
+    for cells in [[9, 8, 4], [24, 24, 12]] {
+        let a = body(block(cells), Material::isotropic(1.0, 0.3).unwrap(), 1.0);
+        let (blocks, n) = (space(&a), a.num_nodes());
+        let make = || Aggregation::<3, 6>::new(blocks, rigid(a.points()), vec![0; n], Until::default());
+        let mut cycle = make().unwrap();
+        let free = coarse(&cycle);
+        let constrained = bottom(&a);
+        let node = constrained[0] / 3 + 3;
+        let added = [(3 * node, 3 * node, 2.0), (3 * node + 1, 3 * node + 1, 0.5)];
+        cycle.constrain(blocks, &constrained[3..], &added).unwrap();
+        cycle.constrain(blocks, &constrained, &added).unwrap();
+        let first = cycle.first.as_ref().unwrap();
+        let m = cycle.smoothers[0].x.len();
+        let prolonged = |k: usize| {
+            let (mut unit, mut x) = (vec![0.0; m], vec![0.0; 3 * n]);
+            unit[k] = 1.0;
+            first.prolong(&unit, &mut x);
+            x.iter_mut().for_each(|x| *x /= first.unit());
+            x
+        };
+        let sums = coarse(&cycle);
+        let lower = match cycle.matrices.first() {
+            Some(a) => (a.lower().start.clone(), a.lower().col.clone()),
+            None => (
+                cycle.coarsest.lower().start.clone(),
+                cycle.coarsest.lower().col.clone(),
+            ),
+        };
+        // All columns where there are few, else some of them, of all components.
+        for k in (0..m).step_by(if m < 300 { 1 } else { (m / 40) | 1 }) {
+            let x = prolonged(k);
+            assert!(constrained.iter().all(|h| x[*h] == 0.0));
+            let mut image = vec![0.0; 3 * n];
+            blocks.mul(&x, &mut image);
+            image[3 * node] += 2.0 * x[3 * node];
+            image[3 * node + 1] += 0.5 * x[3 * node + 1];
+            // Entries (j, k) of the row of blocks.
+            let row = k / 6;
+            for place in lower.0[row]..lower.0[row + 1] {
+                for c in 0..6 {
+                    let exact = dot(&prolonged(6 * lower.1[place] as usize + c), &image);
+                    let off = (sums[36 * place + 6 * (k % 6) + c] - exact).abs();
+                    assert!(off <= SINGLE * largest(&free), "column {k}: {off:e}");
+                }
+            }
+        }
+        // The image of what a cycle returns is that under A with additions, in fixed components, too.
+        let mut x: Vec<f64> = (0..3 * n).map(|k| crate::spread::golden(k + 1) - 0.5).collect();
+        cycle.apply(blocks, &mut x).unwrap();
         assert!(constrained.iter().all(|h| x[*h] == 0.0));
-        changed.mul(&x, &mut y);
-        let mut column = vec![0.0; 6 * m];
-        cycle.first.as_mut().unwrap().restrict(&y, &mut column);
-        let mut stored = vec![0.0; 6 * m];
-        cycle.levels[0].a.mul(&unit, &mut stored);
-        let off = column
-            .iter()
-            .zip(&stored)
-            .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-        assert!(off <= 1e-12 * largest, "column {k}: {off:e}");
+        let (mut image, mut exact) = (vec![0.0; 3 * n], vec![0.0; 3 * n]);
+        cycle.add_image(blocks, &x, &mut image);
+        blocks.mul(&x, &mut exact);
+        exact[3 * node] += 2.0 * x[3 * node];
+        exact[3 * node + 1] += 0.5 * x[3 * node + 1];
+        assert!(distance(&image, &exact) <= 1e-13);
+        let mut product = vec![0.0; 3 * n];
+        cycle.add_product(blocks, &x, &mut product);
+        assert!(distance(&product, &exact) <= 1e-13);
+        cycle.constrain(blocks, &[], &[]).unwrap();
+        let rounding = if cycle.matrices.is_empty() { 1e-14 } else { SINGLE };
+        assert!(distance(&coarse(&cycle), &free) <= rounding * largest(&free));
     }
-    cycle.constrain(blocks, &[], &[]).unwrap();
-    let back = cycle.levels[0].a.value.iter().zip(&free.value);
-    let off = back
-        .flat_map(|(a, b)| a.as_flattened().iter().zip(b.as_flattened()))
-        .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-    assert!(off <= 1e-14 * largest, "{off:e}");
 }
 
 /// Additions change by little: coarse matrices stay until small changes have become a large one, products are exact all the time.
@@ -231,36 +254,28 @@ fn slight_changes_are_kept_from_coarse_levels_alone() {
     let (blocks, n) = (space(&a), a.num_nodes());
     let mut cycle =
         Aggregation::<3, 6>::new(blocks, rigid(a.points()), vec![0; n], Until::default()).unwrap();
-    let free = cycle.levels[0].a.clone();
+    let free = coarse(&cycle);
     let node = bottom(&a)[0] / 3;
-    let own = blocks.value[blocks.slot(node, node).unwrap()].as_flattened();
-    let size = own.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    let size = largest(blocks.diagonal(node).as_flattened());
     for (share, same) in [(0.6, true), (1.2, false), (1.2 - 0.6, false)] {
-        let before = cycle.levels[0].a.clone();
+        let before = coarse(&cycle);
         let more = share * SLIGHT * size;
         cycle
             .constrain(blocks, &[], &[(3 * node, 3 * node, more)])
             .unwrap();
-        assert_eq!(cycle.levels[0].a == free, same, "{share}");
-        assert_eq!(cycle.levels[0].a == before, share < 1.0, "{share}");
+        assert_eq!(coarse(&cycle) == free, same, "{share}");
+        assert_eq!(coarse(&cycle) == before, share < 1.0, "{share}");
         let mut x: Vec<f64> = (0..3 * n).map(|k| crate::spread::golden(k + 1) - 0.5).collect();
         cycle.apply(blocks, &mut x).unwrap();
         let (mut image, mut exact) = (vec![0.0; 3 * n], vec![0.0; 3 * n]);
         cycle.add_image(blocks, &x, &mut image);
         blocks.mul(&x, &mut exact);
         exact[3 * node] += more * x[3 * node];
-        let off = image
-            .iter()
-            .zip(&exact)
-            .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        let off = distance(&image, &exact);
         assert!(off <= 1e-13 && more * x[3 * node].abs() > 1e-6, "{off:e}");
     }
     cycle.constrain(blocks, &[], &[]).unwrap();
-    let back = cycle.levels[0].a.value.iter().zip(&free.value);
-    let off = back
-        .flat_map(|(a, b)| a.as_flattened().iter().zip(b.as_flattened()))
-        .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-    assert!(off <= 1e-14 * size, "{off:e}");
+    assert!(distance(&coarse(&cycle), &free) <= 1e-14 * size);
 }
 
 /// The body has no support.
@@ -269,27 +284,19 @@ fn floating_bodies_are_refused() {
     let a = body(block([9, 8, 4]), Material::isotropic(1.0, 0.3).unwrap(), 1.0);
     let mut blocks = space(&a).clone();
     // Springs to the support are taken away: each row sums to nothing under translations.
+    let lower = blocks.lower().clone();
+    let mut values = lower.value.clone();
     for i in 0..blocks.nrows() {
-        let (start, end) = (blocks.start[i], blocks.start[i + 1]);
         let mut sum = [[0.0; 3]; 3];
-        for k in start..end {
-            for (s, v) in sum
-                .as_flattened_mut()
-                .iter_mut()
-                .zip(blocks.value[k].as_flattened())
-            {
+        blocks.each(i, |_, block| {
+            for (s, v) in sum.as_flattened_mut().iter_mut().zip(block.as_flattened()) {
                 *s += v;
             }
-        }
-        let own = blocks.slot(i, i).unwrap();
-        for (v, s) in blocks.value[own]
-            .as_flattened_mut()
-            .iter_mut()
-            .zip(sum.as_flattened())
-        {
-            *v -= s;
-        }
+        });
+        let own = values[lower.start[i + 1] - 1].as_flattened_mut();
+        own.iter_mut().zip(sum.as_flattened()).for_each(|(v, s)| *v -= s);
     }
+    blocks.values_mut().copy_from_slice(&values);
     let made = Aggregation::<3, 6>::new(
         &blocks,
         rigid(a.points()),

@@ -4,25 +4,28 @@ use super::aggregates::Aggregates;
 use super::dense::{add_scaled_product, add_transposed_product, mask_rows};
 use crate::clock::Until;
 use crate::parallel;
-use crate::sparse::{Blocks, ROWS, subtract_transposed};
+use crate::sparse::{Blocks, Entry, ROWS, Symmetric, add_product, add_transposed, wide};
 
 /// Columns of near-kernel vectors on an aggregate that become this much shorter by orthogonalisation against the others do not count.
 const DEPENDENT: f64 = 1e-6;
 
 /// Near-kernel vectors of the nodes of a level, a row each component.
-pub(super) type Modes<const R: usize, const K: usize> = Vec<[[f64; K]; R]>;
+pub(super) type Modes<const R: usize, const K: usize> = Vec<[[f32; K]; R]>;
 
 /// Data on the unknowns of a level beside its matrix: components that are fixed at zero, and additions to diagonal blocks.
 pub(super) trait Constraints<const R: usize>: Sync {
     fn constrained(&self, node: usize) -> u8;
     fn added(&self, node: usize) -> Option<&[[f64; R]; R]>;
-    fn inverse(&self, node: usize) -> &[[f64; R]; R];
+    fn inverse(&self, node: usize) -> [[f64; R]; R];
 }
 
-/// A prolongation P = (I − ω D⁻¹ A) T from aggregates, with T orthonormal on each and K columns each.
+/// A prolongation P = (I − ω D⁻¹ A) T from aggregates, with T orthonormal on each and K columns each, rounded to single precision. Coarse
+/// matrices are `unit` Pᵀ A P, and coarse solutions count `unit` times.
 #[derive(Debug, Clone)]
 pub(super) struct Transfer<const R: usize, const K: usize> {
-    pub(super) p: Blocks<R, K>,
+    pub(super) p: Blocks<R, K, f32>,
+    /// A power of two.
+    unit: f64,
     /// Rows of P with a block in a column, and the places of those blocks.
     first: Vec<u32>,
     rows: Vec<(u32, u32)>,
@@ -43,7 +46,7 @@ struct Sums<const K: usize> {
     /// Columns with blocks in the part: the first one, and where their sums are.
     columns: Vec<usize>,
     ends: Vec<usize>,
-    values: Vec<[f64; K]>,
+    values: Vec<[f32; K]>,
 }
 
 /// Blocks of a row in order of appearance, and the positions of columns among them.
@@ -66,17 +69,18 @@ fn part_size(rows: usize) -> usize {
 impl<const R: usize, const K: usize> Transfer<R, K> {
     /// The prolongation and the near-kernel vectors of the coarse level.
     pub(super) fn new(
-        a: &Blocks<R, R>,
-        modes: &Modes<R, K>,
+        level: (&Symmetric<R>, &Modes<R, K>),
         aggregates: Aggregates,
-        omega: f64,
+        (omega, unit): (f64, f64),
         constraints: &impl Constraints<R>,
         until: Until,
     ) -> (Self, Modes<K, K>) {
+        let (a, modes) = level;
         let n = a.nrows();
         let (coarse, triangular) = orthonormal(modes, &aggregates);
         let mut transfer = Self {
             p: Blocks::new(aggregates.count),
+            unit,
             first: Vec::new(),
             rows: Vec::new(),
             omega,
@@ -96,6 +100,11 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
         transfer.transpose();
         transfer.sums = Sums::new(&transfer.p);
         (transfer, coarse)
+    }
+
+    #[cfg(test)]
+    pub(super) fn unit(&self) -> f64 {
+        self.unit
     }
 
     fn transpose(&mut self) {
@@ -121,7 +130,7 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
     fn tentative(&self, modes: &Modes<R, K>, node: usize, constrained: u8) -> [[f64; K]; R] {
         let mut t = [[0.0; K]; R];
         let factor = &self.triangular[self.aggregate[node] as usize];
-        add_scaled_product(1.0, &modes[node], factor, &mut t);
+        add_scaled_product(1.0, &wide(&modes[node]), factor, &mut t);
         mask_rows(&mut t, constrained);
         t
     }
@@ -129,19 +138,18 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
     /// Rows of P.
     fn smoothed(
         &self,
-        a: &Blocks<R, R>,
+        a: &Symmetric<R>,
         modes: &Modes<R, K>,
         constraints: &impl Constraints<R>,
         rows: impl Iterator<Item = usize>,
-    ) -> Blocks<R, K> {
+    ) -> Blocks<R, K, f32> {
         let count = self.triangular.len();
         let (mut out, mut row) = (Blocks::new(count), Row::<R, K>::new(count));
         for i in rows.take_while(|_| !self.until.is_over()) {
-            let (cols, values) = a.row(i);
-            for (&j, block) in cols.iter().zip(values) {
-                let t = self.tentative(modes, j as usize, constraints.constrained(j as usize));
-                add_scaled_product(1.0, block, &t, row.at(self.aggregate[j as usize]));
-            }
+            a.each(i, |j, block| {
+                let t = self.tentative(modes, j, constraints.constrained(j));
+                add_scaled_product(1.0, block, &t, row.at(self.aggregate[j]));
+            });
             let own = self.tentative(modes, i, constraints.constrained(i));
             let sum = row.at(self.aggregate[i]);
             if let Some(added) = constraints.added(i) {
@@ -150,7 +158,7 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
             let at = row.position[self.aggregate[i] as usize] as usize;
             for (k, sum) in row.blocks.iter_mut().enumerate() {
                 let mut smooth = if k == at { own } else { [[0.0; K]; R] };
-                add_scaled_product(-self.omega, constraints.inverse(i), sum, &mut smooth);
+                add_scaled_product(-self.omega, &constraints.inverse(i), sum, &mut smooth);
                 *sum = smooth;
             }
             row.end(&mut out);
@@ -161,7 +169,7 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
     /// Smooths rows of P again; their patterns stay.
     pub(super) fn resmooth(
         &mut self,
-        a: &Blocks<R, R>,
+        a: &Symmetric<R>,
         modes: &Modes<R, K>,
         constraints: &impl Constraints<R>,
         rows: &[u32],
@@ -169,35 +177,45 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
         let found = parallel::collect(rows.len(), part_size(rows.len()), |part| {
             self.smoothed(a, modes, constraints, rows[part].iter().map(|i| *i as usize))
         });
-        if !self.until.is_over() {
-            replace(&mut self.p, rows, &found);
+        if self.until.is_over() {
+            return;
+        }
+        for (&i, (cols, values)) in rows.iter().zip(all_rows(&found)) {
+            for (&j, block) in cols.iter().zip(values) {
+                if let Some(slot) = self.p.slot(i as usize, j as usize) {
+                    self.p.value[slot] = *block;
+                }
+            }
         }
     }
 
-    /// Rows of Pᵀ A P.
-    fn summed(
+    /// Rows of Pᵀ A P, up to the diagonal or complete.
+    fn summed<S: Entry>(
         &self,
-        a: &Blocks<R, R>,
+        a: &Symmetric<R, S>,
         constraints: &impl Constraints<R>,
         rows: impl Iterator<Item = usize>,
+        complete: bool,
     ) -> Blocks<K, K> {
         let (mut left, mut row) = (Row::<R, K>::new(self.p.nrows()), Row::<K, K>::new(self.p.ncols));
         let mut out = Blocks::new(self.p.ncols);
         for c in rows.take_while(|_| !self.until.is_over()) {
             for &(i, slot) in &self.rows[self.first[c] as usize..self.first[c + 1] as usize] {
-                let p = &self.p.value[slot as usize];
-                let (cols, values) = a.row(i as usize);
-                for (&j, block) in cols.iter().zip(values) {
-                    add_transposed_product(block, p, left.at(j));
-                }
+                let p = wide(&self.p.value[slot as usize]);
+                a.each(i as usize, |j, block| {
+                    add_transposed_product(block, &p, left.at(j as u32))
+                });
                 if let Some(added) = constraints.added(i as usize) {
-                    add_transposed_product(added, p, left.at(i));
+                    add_transposed_product(added, &p, left.at(i));
                 }
             }
+            let end = if complete { NONE } else { c as u32 };
             for (j, left) in left.cols.iter().zip(&left.blocks) {
+                let mut scaled = *left;
+                scaled.as_flattened_mut().iter_mut().for_each(|v| *v *= self.unit);
                 let (cols, values) = self.p.row(*j as usize);
-                for (&k, block) in cols.iter().zip(values) {
-                    add_transposed_product(left, block, row.at(k));
+                for (&k, block) in cols.iter().zip(values).take_while(|(k, _)| **k <= end) {
+                    add_transposed_product(&scaled, &wide(block), row.at(k));
                 }
             }
             left.clear();
@@ -207,49 +225,48 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
     }
 
     /// Pᵀ A P.
-    pub(super) fn galerkin(&self, a: &Blocks<R, R>, constraints: &impl Constraints<R>) -> Blocks<K, K> {
+    pub(super) fn galerkin<S: Entry>(
+        &self,
+        a: &Symmetric<R, S>,
+        constraints: &impl Constraints<R>,
+    ) -> Symmetric<K> {
         let n = self.p.ncols;
-        joined(parallel::collect(n, part_size(n), |rows| {
-            self.summed(a, constraints, rows)
-        }))
+        Symmetric::of(joined(parallel::collect(n, part_size(n), |rows| {
+            self.summed(a, constraints, rows, false)
+        })))
     }
 
-    /// Sums rows of Pᵀ A P again, over the same pattern.
-    pub(super) fn resum(
+    /// Sums rows and columns of Pᵀ A P again, over the same pattern.
+    pub(super) fn resum<S: Entry, C: Entry>(
         &self,
-        a: &Blocks<R, R>,
+        a: &Symmetric<R, S>,
         constraints: &impl Constraints<R>,
         rows: &[u32],
-        c: &mut Blocks<K, K>,
+        c: &mut Symmetric<K, C>,
     ) {
         let found = parallel::collect(rows.len(), part_size(rows.len()), |part| {
-            self.summed(a, constraints, rows[part].iter().map(|i| *i as usize))
+            self.summed(a, constraints, rows[part].iter().map(|i| *i as usize), true)
         });
         if self.until.is_over() {
             return;
         }
-        replace(c, rows, &found);
-        // Rows that are not summed again change in these columns.
-        for &row in rows {
-            for k in c.start[row as usize]..c.start[row as usize + 1] {
-                let block = c.value[k];
-                if let Some(mirror) = c.slot(c.col[k] as usize, row as usize) {
-                    c.value[mirror] = std::array::from_fn(|i| std::array::from_fn(|j| block[j][i]));
-                }
+        for (&i, (cols, values)) in rows.iter().zip(all_rows(&found)) {
+            for (&j, block) in cols.iter().zip(values) {
+                c.set(i as usize, j as usize, block);
             }
         }
     }
 
     /// y ← Pᵀ x.
-    pub(super) fn restrict(&mut self, x: &[f64], y: &mut [f64]) {
+    pub(super) fn restrict<S: Entry>(&mut self, x: &[S], y: &mut [f32]) {
         let (p, sums, x) = (&self.p, &mut self.sums, x.as_chunks::<R>().0);
         parallel::spans(&sums.ends, &mut sums.values, &|part, values| {
             values.fill([0.0; K]);
             for i in sums.rows[part]..sums.rows[part + 1] {
-                let x = x[i].map(|v| -v);
+                let x = x[i].map(|v| v.wide() as f32);
                 let (cols, blocks) = p.row(i);
                 for (&c, block) in cols.iter().zip(blocks) {
-                    subtract_transposed(block, &x, &mut values[c as usize - sums.columns[part]]);
+                    add_transposed(block, &x, &mut values[c as usize - sums.columns[part]]);
                 }
             }
         });
@@ -262,16 +279,26 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
         }
     }
 
-    /// x ← x + P y.
-    pub(super) fn prolong(&self, y: &[f64], x: &mut [f64]) {
-        self.p.for_products(y, x, &|_, sum, x| {
-            x.iter_mut().zip(sum).for_each(|(x, s)| *x += s);
+    /// x ← x + unit P y.
+    pub(super) fn prolong<S: Entry>(&self, y: &[f32], x: &mut [S]) {
+        let y = y.as_chunks::<K>().0;
+        parallel::parts(x.as_chunks_mut::<R>().0, ROWS, &|first, x| {
+            for (i, x) in (first..).zip(x) {
+                let (cols, blocks) = self.p.row(i);
+                let mut sum = [0.0; R];
+                for (&c, block) in cols.iter().zip(blocks) {
+                    add_product(block, &y[c as usize], &mut sum);
+                }
+                x.iter_mut()
+                    .zip(sum)
+                    .for_each(|(x, s)| *x += S::narrow(self.unit * f64::from(s)));
+            }
         });
     }
 }
 
 impl<const K: usize> Sums<K> {
-    fn new<const R: usize>(p: &Blocks<R, K>) -> Self {
+    fn new<const R: usize>(p: &Blocks<R, K, f32>) -> Self {
         let size = p.nrows().div_ceil(MOST_PARTS).max(ROWS);
         let mut rows: Vec<usize> = (0..p.nrows()).step_by(size).collect();
         rows.push(p.nrows());
@@ -321,19 +348,20 @@ impl<const R: usize, const K: usize> Row<R, K> {
     }
 
     /// Appends the row, by columns, and begins another one.
-    fn end(&mut self, out: &mut Blocks<R, K>) {
+    fn end<S: Entry>(&mut self, out: &mut Blocks<R, K, S>) {
         self.order.clear();
         self.order.extend(0..self.cols.len());
         self.order.sort_unstable_by_key(|&k| self.cols[k]);
         out.col.extend(self.order.iter().map(|&k| self.cols[k]));
-        out.value.extend(self.order.iter().map(|&k| self.blocks[k]));
+        let round = |k: &usize| self.blocks[*k].map(|row| row.map(S::narrow));
+        out.value.extend(self.order.iter().map(round));
         out.start.push(out.col.len());
         self.clear();
     }
 }
 
 /// The rows of all parts, one part after another.
-fn joined<const R: usize, const K: usize>(parts: Vec<Blocks<R, K>>) -> Blocks<R, K> {
+fn joined<const R: usize, const K: usize, S: Entry>(parts: Vec<Blocks<R, K, S>>) -> Blocks<R, K, S> {
     let mut all = Blocks::new(parts.first().map_or(0, |p| p.ncols));
     let count = parts.iter().map(|p| p.col.len()).sum();
     all.start.reserve_exact(parts.iter().map(Blocks::nrows).sum());
@@ -348,18 +376,13 @@ fn joined<const R: usize, const K: usize>(parts: Vec<Blocks<R, K>>) -> Blocks<R,
     all
 }
 
-/// Overwrites rows by recomputed ones.
-fn replace<const R: usize, const K: usize>(m: &mut Blocks<R, K>, rows: &[u32], found: &[Blocks<R, K>]) {
-    let made = found
+/// The rows of all parts.
+fn all_rows<const R: usize, const K: usize, S: Entry>(
+    parts: &[Blocks<R, K, S>],
+) -> impl Iterator<Item = (&[u32], &[[[S; K]; R]])> {
+    parts
         .iter()
-        .flat_map(|part| (0..part.nrows()).map(|k| part.row(k)));
-    for (&i, (cols, values)) in rows.iter().zip(made) {
-        for (&j, block) in cols.iter().zip(values) {
-            if let Some(slot) = m.slot(i as usize, j as usize) {
-                m.value[slot] = *block;
-            }
-        }
-    }
+        .flat_map(|part| (0..part.nrows()).map(|k| part.row(k)))
 }
 
 /// For each aggregate the triangular factor of its near-kernel vectors, modes = T · factor with orthonormal T, and the inverse of it.
@@ -385,7 +408,7 @@ fn orthonormal<const R: usize, const K: usize>(
         let mut factor = |k: usize| {
             rows.clear();
             for &i in &members[first[k] as usize..first[k + 1] as usize] {
-                rows.extend_from_slice(&modes[i as usize]);
+                rows.extend_from_slice(&wide(&modes[i as usize]));
             }
             triangularise(&mut rows)
         };
@@ -393,7 +416,8 @@ fn orthonormal<const R: usize, const K: usize>(
     });
     let factors = found.concat();
     let inverses = factors.iter().map(triangular_inverse).collect();
-    (factors, inverses)
+    let single = |factor: &[[f64; K]; K]| factor.map(|row| row.map(|v| v as f32));
+    (factors.iter().map(single).collect(), inverses)
 }
 
 /// Modified Gram–Schmidt: the columns become orthonormal, the factor is upper triangular; its diagonal is 0 where a column is left out.
