@@ -318,7 +318,7 @@ mod tests {
             facets: grazing.to_vec(),
             arc: None,
             units: Vec::new(),
-            unit: 1.0,
+            unit: Some(1.0),
         }
     }
 
