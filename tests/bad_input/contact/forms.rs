@@ -1,6 +1,8 @@
 use std::ops::ControlFlow;
 
-use semismooth::contact::{EvolutionOptions, FixedPointOptions, evolve, evolve_observed, fixed_point};
+use semismooth::contact::{
+    ContactProblem, EvolutionOptions, FixedPointOptions, evolve, evolve_observed, fixed_point,
+};
 use semismooth::piecewise::PiecewiseSmooth;
 
 use super::{condensed, full};
@@ -28,6 +30,17 @@ pub(super) fn contacts(t: &mut Table) {
             "a start of another length",
             "start",
             || c.solve(0.0, Some(&x)),
+        );
+        t.refuses(
+            "contact::ContactProblem::solve",
+            "a start of another problem",
+            "start",
+            || {
+                let mut problem = ContactProblem::Condensed(Box::new(condensed()));
+                let mut start = problem.solve(0.0, None)?;
+                start.forces.resize(len, 0.5);
+                problem.solve(0.0, Some(&start))
+            },
         );
         t.refuses(
             "contact::CondensedContact::point_of_reactions",
