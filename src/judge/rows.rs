@@ -219,6 +219,12 @@ impl Judge {
         None
     }
 
+    /// Euclidean norm of what rounding leaves in the sums of the rows read last.
+    pub(crate) fn rounding(&self) -> f64 {
+        let squares = self.rows.iter().map(|row| (SUM * row.terms()).powi(2));
+        squares.sum::<f64>().sqrt()
+    }
+
     /// The rows, increasing, that the last verdict measures at the sizes that were met. Where their derivatives change within a small part of
     /// x, these do not say how large a residual may be: ln x at 1e-200.
     pub(crate) fn homogeneous_rows(&self) -> &[usize] {

@@ -12,11 +12,8 @@ impl Run<'_> {
 
     /// A row whose constants are less than the rounding of its terms, where x₀ = x₁ and x₀ = x₁ + 1 look the same, although the rows that
     /// determine its unknowns are dependent: independent ones have a solution there, however far out it is. None where the user's absolute
-    /// tolerance is met, which compares with nothing. `work.r` and the matrix belong to x.
+    /// tolerance, which compares with nothing, is met by the residual and by the rounding in it. `work.r` and the matrix belong to x.
     pub(super) fn hidden_row(&mut self, jac: &Matrix, x: &[f64]) -> Option<usize> {
-        if norm(&self.work.r) <= self.options.absolute_tolerance {
-            return None;
-        }
         let tolerance = self.options.relative_tolerance.max(self.floor());
         let work = &mut *self.work;
         let point = Point {
@@ -30,6 +27,8 @@ impl Run<'_> {
             lower: &[],
             upper: &[],
         };
-        work.judge.conceals(&point, tolerance)
+        let row = work.judge.conceals(&point, tolerance)?;
+        let residual = norm(&work.r) + work.judge.rounding();
+        (residual > self.options.absolute_tolerance).then_some(row)
     }
 }

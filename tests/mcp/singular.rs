@@ -176,3 +176,29 @@ fn equations_without_constants_are_solved_at_zero() {
         }
     }
 }
+
+/// At 1e13 the sums of these rows are rounded by more than the 1/64 by which the last one contradicts the others: their residual is exactly 0
+/// there, below any absolute tolerance.
+#[test]
+fn residuals_that_rounding_makes_zero_solve_nothing() {
+    let rows = [
+        [2.0, 2.0, -4.0, -3.0],
+        [-1.0, -2.0, 0.0, -3.0],
+        [-3.0, -3.0, 3.0, 0.0],
+        [9.0, 11.0, -11.0, 0.0],
+    ];
+    let mut a: Vec<Vec<f64>> = rows.iter().map(|row| row.to_vec()).collect();
+    a.iter_mut()
+        .zip([0.0, -1.0, -1.0, 3.0])
+        .for_each(|(row, own)| row.push(own));
+    a.push(vec![0.0, 0.0, 0.0, 0.0, 1.0]);
+    let b = [5.0, 2.0, 3.0, 3.015625, 1.0];
+    let start = [
+        -66280784142676.484,
+        -71930649585497.95,
+        42804695044126.38,
+        -76162738580585.84,
+        69323299482529.89,
+    ];
+    assert_eq!(found(&a, &b, &start), []);
+}
