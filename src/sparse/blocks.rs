@@ -372,7 +372,7 @@ pub(crate) fn add_transposed<const R: usize, const C: usize, S: Entry>(
     *y = sum;
 }
 
-/// y −= Mᵀ x.
+/// y −= Mᵀ x; written out, as with −x and the sum above sweeps take longer.
 #[inline(always)]
 pub(crate) fn subtract_transposed<const R: usize, const C: usize, S: Entry>(
     m: &[[S; C]; R],
