@@ -83,7 +83,7 @@ impl Form {
 ///     λt₂], α), sparse, one factorisation per step: for thousands of contact nodes. "reduced": x as in full form, but solved for the
 ///     displacements alone, with multigrid, for bodies of up to millions of displacements: :meth:`solve` and :func:`evolve` only, curves
 ///     are not followed. "auto": "reduced" for solids of more than 6000 free displacements and plane bodies of more than 3 million on
-///     rigid foundations, else "condensed".
+///     rigid foundations with nodal multipliers, else "condensed".
 /// multipliers : "nodal", "dual cells" or float, optional
 ///     The space of the p contact forces (Haslinger, Kučera, Vlach 2008): nodal forces (unless given); constant on the part of the facets
 ///     nearest to each node ("dual cells"); or constant on patches, each of the facets whose centroids lie in one box of a grid of this
