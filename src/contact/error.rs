@@ -6,6 +6,7 @@ use crate::linear::LinearError;
 use crate::newton::NewtonError;
 use crate::piecewise::PiecewiseError;
 use crate::run::Status;
+use crate::sensitivity::SensitivityError;
 use crate::sparse::SparseError;
 
 /// What can be wrong with a contact problem.
@@ -36,6 +37,9 @@ pub enum ContactError {
         /// Length given.
         found: usize,
     },
+    /// Derivatives of a solution in parameters.
+    #[error(transparent)]
+    Sensitivity(Box<SensitivityError>),
     /// There are no displacements or no contact nodes.
     #[error("the problem is empty: {what}")]
     Empty {
@@ -314,6 +318,12 @@ pub enum ContactError {
     /// A file could not be read.
     #[error(transparent)]
     File(#[from] SparseError),
+}
+
+impl From<SensitivityError> for ContactError {
+    fn from(error: SensitivityError) -> Self {
+        Self::Sensitivity(Box::new(error))
+    }
 }
 
 impl From<InterfaceError> for ContactError {

@@ -19,10 +19,12 @@ mod folder;
 mod forms;
 mod law;
 mod multipliers;
+mod parameters;
 mod per_node;
 mod problem;
 mod rounding;
 mod search;
+mod sensitivity;
 mod solution;
 mod theory;
 
@@ -36,8 +38,8 @@ pub use delassus::{
 };
 pub use displacements::{
     KrylovObserver, KrylovOutcome, ReducedBody, ReducedContact, ReducedError, ReducedIteration, ReducedLevel,
-    ReducedNodes, ReducedObserver, ReducedOptions, ReducedProgress, ReducedReport, ReducedStep,
-    ReducedStrategy, ReducedSystem, ReducedTimes, solve_reduced, solve_reduced_observed,
+    ReducedNodes, ReducedObserver, ReducedOptions, ReducedProgress, ReducedReport,
+    ReducedSensitivity, ReducedStep, ReducedStrategy, ReducedSystem, ReducedTimes, solve_reduced, solve_reduced_observed,
 };
 pub use error::ContactError;
 pub use evolution::{Arrival, EvolutionOptions, EvolutionProgress, EvolutionStep, evolve, evolve_observed};
@@ -50,9 +52,11 @@ pub use law::{
     OrthotropicCoulomb, PlanarCoulomb, check_law,
 };
 pub use multipliers::{check_multipliers, inf_sup_constant};
+pub use parameters::ContactParameters;
 pub use per_node::PerNode;
 pub use problem::{CondensedContact, Contact, FullContact};
 pub use search::{ContactAttempt, ContactOptions, ContactProgress, ContactReport, ContactStrategy};
+pub use sensitivity::{ContactChange, ContactSensitivity};
 pub use solution::{ContactEnergy, ContactResiduals, ContactSolution};
 pub use theory::{
     FixedPointBound, FixedPointOptions, FixedPointReport, HildRenard, HildRenardBranch, HildRenardCase,

@@ -27,7 +27,7 @@ pub struct PerNode<L> {
     pub(super) scale: f64,
     /// Stiffness of the contact nodes; the search for solutions tries multiples of it as r.
     pub(super) stiffness: f64,
-    /// Number of parameters, 1 or 2.
+    /// Number of parameters: α alone, α and β, or α and one second parameter for each node.
     pub(super) parameters: usize,
     /// The derivatives of the test functions of each node where they are the same at all points, and the scale they are for.
     rows: OnceLock<(f64, Vec<TestRows>)>,
@@ -110,7 +110,15 @@ impl<L: NodeLaw> PerNode<L> {
     ) -> LocalValues {
         let mut v = values_at(parameters, self.scale);
         self.set(&mut v, i, displacement, force);
+        v.second = self.second(i, parameters);
         v
+    }
+
+    /// The second parameter of node i.
+    #[inline]
+    fn second(&self, i: usize, parameters: &[f64]) -> f64 {
+        let place = if self.parameters > 2 { 1 + i } else { 1 };
+        parameters.get(place).copied().unwrap_or(0.0)
     }
 
     /// Sets the values to those of node i; parameters and r are unchanged.
@@ -145,6 +153,7 @@ impl<L: NodeLaw> PerNode<L> {
         let mut v = values_at(&z[2 * q..], r);
         for i in 0..self.body.num_contacts() {
             self.set(&mut v, i, |k| z[k], |k| z[q + k]);
+            v.second = self.second(i, &z[2 * q..]);
             see(i, &v);
         }
     }
@@ -184,8 +193,10 @@ impl<L: NodeLaw> PerNode<L> {
             add(q + k, row.traction[d]);
         }
         add(2 * q, row.parameter);
-        if self.parameters == 2 {
-            add(2 * q + 1, row.second);
+        match self.parameters {
+            1 => {}
+            2 => add(2 * q + 1, row.second),
+            _ => add(2 * q + 1 + i, row.second),
         }
     }
 
@@ -202,11 +213,10 @@ impl<L: NodeLaw> PerNode<L> {
     }
 }
 
-/// The values shared by all nodes: parameters and r.
+/// The values shared by all nodes: α and r.
 fn values_at(parameters: &[f64], r: f64) -> LocalValues {
     LocalValues {
         parameter: parameters[0],
-        second: parameters.get(1).copied().unwrap_or(0.0),
         r,
         ..LocalValues::default()
     }
@@ -262,7 +272,12 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
         for k in 0..2 * q {
             columns.push((0..blocks).map(|block| block * p + k % p).collect());
         }
-        columns.extend((0..self.parameters).map(|_| (0..q).collect()));
+        columns.extend((0..self.parameters.min(2)).map(|_| (0..q).collect()));
+        if self.parameters > 2 {
+            let own = |i: usize| (0..blocks).map(|block| block * p + i).collect();
+            columns.truncate(2 * q + 1);
+            columns.extend((0..p).map(own));
+        }
         let entries = columns.into_iter().enumerate();
         let entries = entries.flat_map(|(k, rows)| rows.into_iter().map(move |i| (i, k)));
         Pattern::from_entries(q, 2 * q + self.parameters, entries)
@@ -325,7 +340,6 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
         let constant = self.constant_rows();
         let mut moved = LocalRow {
             parameter: d[2 * q],
-            second: d.get(2 * q + 1).copied().unwrap_or(0.0),
             ..LocalRow::default()
         };
         for (i, chunk) in out.chunks_exact_mut(self.law.num_tests().max(1)).enumerate() {
@@ -338,6 +352,7 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
                 }
             };
             (moved.penetration, moved.pressure) = (d[i], d[q + i]);
+            moved.second = self.second(i, &d[2 * q..]);
             for t in 0..self.body.num_tangents() {
                 let k = (t + 1) * p + i;
                 (moved.slip[t], moved.traction[t]) = (d[k], d[q + k]);

@@ -507,7 +507,7 @@ impl ElasticSystem {
         Ok((0..self.mesh.num_cells()).map(stress).collect())
     }
 
-    fn add(&self, load: &mut [f64], node: usize, scale: f64, force: [f64; 3]) {
+    pub(super) fn add(&self, load: &mut [f64], node: usize, scale: f64, force: [f64; 3]) {
         let dim = self.mesh.dim();
         for (d, f) in force.iter().enumerate().take(dim) {
             let dof = self.dofs[dim * node + d];

@@ -31,6 +31,17 @@ impl PlaneModel {
     }
 }
 
+/// A constant of an isotropic [`Material`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum MaterialConstant {
+    /// Young's modulus E, Poisson's ratio being fixed.
+    Young,
+    /// Poisson's ratio ν, E being fixed.
+    Poisson,
+}
+
 named!(
     PlaneModel,
     "model of a plane body",
@@ -225,6 +236,51 @@ impl Material {
     pub(super) fn twisting(&self) -> Option<f64> {
         let mixed = self.matrix[..4].iter().flat_map(|row| &row[4..]);
         mixed.copied().find(|c| *c != 0.0)
+    }
+
+    /// The derivative of the tensor in a constant, in plane stress that of its reduced one.
+    pub(super) fn derivative(
+        &self,
+        constant: MaterialConstant,
+        is_plane_stress: bool,
+    ) -> Result<[[f64; 6]; 6], FemError> {
+        let (lambda, mu) = (self.matrix[0][1], self.matrix[3][3]);
+        // Entries of isotropic materials are rounded alike.
+        if Self::lame(lambda, mu).as_ref() != Ok(self) {
+            return Err(FemError::Material {
+                what: "the shear modulus c_1212",
+                value: mu,
+                rule: "derivatives in E and Poisson's ratio are those of isotropic materials",
+            });
+        }
+        let poisson = 0.5 * lambda / (lambda + mu);
+        let young = 2.0 * mu * (1.0 + poisson);
+        let reduced = match is_plane_stress {
+            true => lambda * 2.0 * mu / (lambda + 2.0 * mu),
+            false => lambda,
+        };
+        let [lambda, mu] = match constant {
+            MaterialConstant::Young => [reduced / young, mu / young],
+            MaterialConstant::Poisson => {
+                let shear = -mu / (1.0 + poisson);
+                let square = |v: f64| v * v;
+                let bulk = match is_plane_stress {
+                    true => young * (1.0 + square(poisson)) / square(1.0 - square(poisson)),
+                    false => {
+                        young * (1.0 + 2.0 * square(poisson))
+                            / square((1.0 + poisson) * (1.0 - 2.0 * poisson))
+                    }
+                };
+                [bulk, shear]
+            }
+        };
+        let mut matrix = [[0.0; 6]; 6];
+        for i in 0..3 {
+            matrix[i][..3].fill(lambda);
+            matrix[i][i] += 2.0 * mu;
+            matrix[i + 3][i + 3] = mu;
+        }
+        Ok(matrix)
     }
 
     /// Stress from strain in space.

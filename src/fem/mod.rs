@@ -10,6 +10,7 @@
 mod assembly;
 mod cell_points;
 mod contact;
+mod derivatives;
 mod elasticity;
 mod element;
 mod error;
@@ -40,7 +41,7 @@ pub use element::CellKind;
 pub use error::FemError;
 pub use getfem::{parse_getfem, read_getfem};
 pub use gmsh::{parse_gmsh, read_gmsh};
-pub use material::{Material, PlaneModel};
+pub use material::{Material, MaterialConstant, PlaneModel};
 pub use mesh::{BoundaryFacet, Mesh};
 pub use mortar::Mortar;
 pub use multipliers::MultiplierSpace;

@@ -347,7 +347,7 @@ impl Parts<'_> {
     }
 
     /// Adds c times the gradient of variable k of the law to row `i` of a Jacobian.
-    fn add_gradient(&self, s: &Free, (i, k, c): (usize, usize, f64), jac: &mut Matrix) {
+    pub(super) fn add_gradient(&self, s: &Free, (i, k, c): (usize, usize, f64), jac: &mut Matrix) {
         let (first, q) = (self.leading(), self.num_traces());
         if k >= q {
             jac.add(first + i, first + k - q, c);

@@ -322,6 +322,21 @@ impl LoadPath {
         f
     }
 
+    /// ∂f/∂α, of length n.
+    pub(crate) fn rate(&self, alpha: f64, n: usize) -> Vec<f64> {
+        let (mut f, mut rate) = (vec![0.0; n], vec![0.0; n]);
+        match self.base() {
+            Some(_) => {}
+            None => self.general(alpha, &mut f, &mut rate),
+        }
+        let mut factors = Factors::new(self);
+        factors.set(self, &[alpha]);
+        for (k, case) in self.parts().enumerate().filter(|(k, _)| self.slot(*k) == 0) {
+            add(factors.rate[k], case.forces(), &mut rate);
+        }
+        rate
+    }
+
     /// Σ |terms| of f at these parameters: cases may cancel.
     pub(crate) fn terms(&self, parameters: &[f64], n: usize) -> Vec<f64> {
         let (mut terms, mut rate) = (vec![0.0; n], vec![0.0; n]);

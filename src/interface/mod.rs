@@ -65,6 +65,7 @@ mod condensed;
 mod error;
 mod evaluation;
 mod exact;
+mod extended;
 mod full;
 mod load;
 mod map;
@@ -74,6 +75,7 @@ mod view;
 
 pub use error::InterfaceError;
 pub(crate) use error::LENGTH;
+pub(crate) use extended::{Columns, Extended};
 pub(crate) use load::SupportState;
 pub use load::{LoadCase, LoadPath};
 pub use map::{CondensedInterface, Interface, InterfaceProblem};

@@ -197,8 +197,13 @@ impl Reduced {
         self.condensation.compliance()
     }
 
+    /// B A⁻¹ of several loads, one after the other.
+    pub(crate) fn traces_of_solution(&self, f: &[f64]) -> Result<Vec<f64>, LinearError> {
+        self.condensation.traces_of_solution(f)
+    }
+
     /// Overwrites f by u = A⁻¹ (f − Bᵀ λ).
-    pub(super) fn expand(&self, lambda: &[f64], f: &mut [f64]) -> Result<(), LinearError> {
+    pub(crate) fn expand(&self, lambda: &[f64], f: &mut [f64]) -> Result<(), LinearError> {
         self.condensation.expand(lambda, f)
     }
 

@@ -81,23 +81,7 @@ pub struct Sensitivity<P> {
     element: Option<Element>,
 }
 
-impl<P: PiecewiseSmooth> Sensitivity<P> {
-    /// The solution x (length n) at parameters θ (length k). It is corrected by Newton's method to rounding,
-    /// by at most 1e-5 of the largest variable.
-    ///
-    /// # Errors
-    /// Wrong lengths, values or derivatives that are not finite, a map without parameters or with one that
-    /// enters nowhere ([`SensitivityError::NotEntering`]); a point that is no solution
-    /// ([`SensitivityError::NoSolution`]) or an irregular one ([`SensitivityError::Irregular`]).
-    pub fn new(map: P, x: &[f64], parameters: &[f64]) -> Result<Self, SensitivityError> {
-        let solved = Solved::new(&map, x, parameters)?;
-        Ok(Self {
-            map,
-            solved,
-            element: None,
-        })
-    }
-
+impl<P> Sensitivity<P> {
     /// The map.
     pub fn map(&self) -> &P {
         &self.map
@@ -113,6 +97,24 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
     #[must_use]
     pub fn parameters(&self) -> &[f64] {
         &self.solved.at[self.solved.n..]
+    }
+}
+
+impl<P: PiecewiseSmooth> Sensitivity<P> {
+    /// The solution x (length n) at parameters θ (length k). It is corrected by Newton's method to rounding,
+    /// by at most 1e-5 of the largest variable.
+    ///
+    /// # Errors
+    /// Wrong lengths, values or derivatives that are not finite, a map without parameters or with one that
+    /// enters nowhere ([`SensitivityError::NotEntering`]); a point that is no solution
+    /// ([`SensitivityError::NoSolution`]) or an irregular one ([`SensitivityError::Irregular`]).
+    pub fn new(map: P, x: &[f64], parameters: &[f64]) -> Result<Self, SensitivityError> {
+        let solved = Solved::new(&map, x, parameters)?;
+        Ok(Self {
+            map,
+            solved,
+            element: None,
+        })
     }
 
     /// Whether x is a differentiable function of θ here.

@@ -7,6 +7,7 @@ mod random;
 mod contact;
 mod exact;
 mod kinks;
+mod parameters;
 mod ranges;
 mod smooth;
 

@@ -1,6 +1,7 @@
 //! Contact in the displacements alone, for bodies too large for one factorisation.
 
 mod body;
+mod derivative;
 mod evolution;
 mod floating;
 mod newton;
@@ -25,6 +26,7 @@ use crate::clock::{Clock, Until};
 use crate::linear::LinearError;
 
 pub use body::ReducedBody;
+pub use derivative::ReducedSensitivity;
 pub use evolution::ReducedLevel;
 pub(super) use floating::floating_piece;
 pub use options::ReducedOptions;

@@ -29,9 +29,19 @@ pub(super) struct Node {
 impl Node {
     /// An error is the name of a piece whose equations do not determine the forces.
     pub(super) fn new(law: &dyn NodeLaw, v: &LocalValues) -> Result<Self, String> {
-        let directions = 1 + law.num_tangents();
         let piece = piece_of(law, v);
-        let (h, rows) = (law.residual(piece, v), law.rows(piece, v));
+        Self::with_residual(law, v, piece, law.residual(piece, v))
+    }
+
+    /// The linearised law of a piece with residuals h at the node.
+    pub(super) fn with_residual(
+        law: &dyn NodeLaw,
+        v: &LocalValues,
+        piece: usize,
+        h: [f64; 3],
+    ) -> Result<Self, String> {
+        let directions = 1 + law.num_tangents();
+        let rows = law.rows(piece, v);
         let d = rows.map(|row: LocalRow| [row.penetration, row.slip[0], row.slip[1]]);
         let e = rows.map(|row: LocalRow| [row.pressure, row.traction[0], row.traction[1]]);
         let mut node = Self {

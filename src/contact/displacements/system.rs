@@ -190,6 +190,36 @@ impl SerialSystem {
     }
 }
 
+impl SerialSystem {
+    /// The body.
+    pub(super) fn body(&self) -> &ReducedBody {
+        &self.body
+    }
+
+    /// As [`solve_observed`](ReducedSystem::solve_observed) for the transposed system, with the same preconditioner.
+    pub(super) fn solve_transposed(
+        &mut self,
+        r: &[f64],
+        d: &mut [f64],
+        tolerance: f64,
+    ) -> Result<KrylovOutcome, LinearError> {
+        d.copy_from_slice(r);
+        let rows = Rows {
+            constrained: &self.constrained,
+            beside: &self.beside,
+            combined: &self.combined,
+        };
+        let (hierarchy, gmres) = (&mut self.hierarchy, &mut self.gmres);
+        let limits = (tolerance, self.max_iterations);
+        let blocks = &self.body.stiffness.blocks;
+        parallel::within(|| match (hierarchy, blocks) {
+            (Hierarchy::Plane(h), NodalBlocks::Plane(a)) => rows.solve_transposed(a, h, gmres, d, limits),
+            (Hierarchy::Space(h), NodalBlocks::Space(a)) => rows.solve_transposed(a, h, gmres, d, limits),
+            _ => Err(LinearError::NotAnalyzed),
+        })
+    }
+}
+
 impl ReducedSystem for SerialSystem {
     type Error = LinearError;
 
@@ -325,6 +355,40 @@ impl Rows<'_> {
             return Ok(KrylovOutcome::new(iterations - 1, 1.0));
         }
         let outcome = solved?;
+        Ok(KrylovOutcome {
+            iterations: outcome.iterations,
+            residual: outcome.residual,
+        })
+    }
+
+    /// The transpose: rows that are combined in the system become components that are moved together.
+    fn solve_transposed<const F: usize, const K: usize>(
+        &self,
+        a: &Symmetric<F>,
+        hierarchy: &mut Aggregation<F, K>,
+        gmres: &mut Gmres,
+        d: &mut [f64],
+        (tolerance, limit): (f64, usize),
+    ) -> Result<KrylovOutcome, LinearError> {
+        let hierarchy = RefCell::new(hierarchy);
+        let mut moved = vec![0.0; d.len()];
+        let outcome = gmres.solve(
+            |x, y| {
+                moved.copy_from_slice(x);
+                for &(i, j, c) in self.combined {
+                    moved[j] += c * x[i];
+                }
+                hierarchy.borrow().add_product(a, &moved, y);
+                for &(i, j, v) in self.beside {
+                    y[j] += v * x[i];
+                }
+                self.constrained.iter().for_each(|&k| y[k] = 0.0);
+            },
+            |z| hierarchy.borrow_mut().apply(a, z),
+            d,
+            tolerance,
+            limit,
+        )?;
         Ok(KrylovOutcome {
             iterations: outcome.iterations,
             residual: outcome.residual,

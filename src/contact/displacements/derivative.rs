@@ -1,0 +1,480 @@
+//! Derivatives of solutions of the form in displacements: one solve with the system of a Newton step, or its transpose.
+
+use std::fmt;
+
+use super::node::Node;
+use super::system::{KrylovOutcome, ReducedStep, ReducedSystem, SerialSystem};
+use super::{NodeLaw, ReducedContact, ReducedNodes};
+use crate::contact::error::{check_finite, check_length};
+use crate::contact::law::{LocalRow, LocalValues, MAX_TESTS};
+use crate::contact::parameters::ContactParameters;
+use crate::contact::rounding::size_of_forces;
+use crate::contact::solution::piece_of;
+use crate::contact::{ContactChange, ContactError};
+use crate::linear::LinearError;
+use crate::piecewise::check_vector;
+use crate::sensitivity::SensitivityError;
+use crate::sparse::{Matrix, max_abs};
+
+/// Multiples of a further Newton step, and of the rounding of the largest force of a node, that a test function must exceed to have a sign.
+const ALLOWANCE: f64 = 64.0;
+const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
+/// Largest relative residual of the linear systems; results are refused above ten times of it.
+const TOLERANCE: f64 = 1e-11;
+const LARGEST: f64 = 10.0 * TOLERANCE;
+
+/// A solution of the form in displacements as a function of [parameters](ContactParameters): made by [`ReducedContact::sensitivity`]. It
+/// borrows the problem, whose multigrid it uses: a product with the derivative is one linear solve, a gradient one with the transposed
+/// system, both to a relative residual of 1e-11.
+///
+/// Kinks are found, but derivatives are given away from them only.
+pub struct ReducedSensitivity<'a> {
+    system: &'a mut SerialSystem,
+    components: &'a [usize],
+    nodes: Vec<Local>,
+    lists: Lists,
+    /// ∂_θ(A u + Bᵀ λ − f), ∂_θ(B u − gap) and ∂_θβ; the load's rate, where α is a parameter.
+    columns: [Matrix; 3],
+    rate: Option<Vec<f64>>,
+    margin: f64,
+    kink: Option<usize>,
+    iterations: usize,
+}
+
+impl fmt::Debug for ReducedSensitivity<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ReducedSensitivity")
+            .field("contacts", &self.nodes.len())
+            .field("parameters", &self.num_parameters())
+            .field("margin", &self.margin)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The linearised law of a node.
+struct Local {
+    node: Node,
+    /// Prescribed changes and constants for a unit of each residual.
+    unit: [[[f64; 3]; 2]; 3],
+    /// Derivatives of the residuals in the values of the node.
+    rows: [LocalRow; 3],
+}
+
+#[derive(Default)]
+struct Lists {
+    constrained: Vec<usize>,
+    added: Vec<(usize, usize, f64)>,
+    beside: Vec<(usize, usize, f64)>,
+    combined: Vec<(usize, usize, f64)>,
+}
+
+impl Local {
+    fn new(law: &dyn NodeLaw, v: &LocalValues) -> Result<Self, String> {
+        let piece = piece_of(law, v);
+        let mut unit = [[[0.0; 3]; 2]; 3];
+        for (k, of) in unit.iter_mut().enumerate().take(1 + law.num_tangents()) {
+            let mut h = [0.0; 3];
+            h[k] = 1.0;
+            let node = Node::with_residual(law, v, piece, h)?;
+            *of = [node.prescribed.map(Option::unwrap_or_default), node.constant];
+        }
+        Ok(Self {
+            node: Node::with_residual(law, v, piece, [0.0; 3])?,
+            unit,
+            rows: law.rows(piece, v),
+        })
+    }
+
+    fn is_held(&self, d: usize) -> bool {
+        self.node.prescribed[d].is_some()
+    }
+
+    /// What residuals h prescribe, and their constants.
+    fn response(&self, h: [f64; 3]) -> [[f64; 3]; 2] {
+        let of = |which: usize, d: usize| (0..3).map(|k| h[k] * self.unit[k][which][d]).sum();
+        [0, 1].map(|which| std::array::from_fn(|d| of(which, d)))
+    }
+
+    /// The residuals' rate with changes of the traces and of the parameters of the law.
+    fn residuals(&self, traces: [f64; 3], alpha: f64, second: f64) -> [f64; 3] {
+        self.rows.map(|row| {
+            let slip = row.slip[0] * traces[1] + row.slip[1] * traces[2];
+            row.penetration * traces[0] + slip + row.parameter * alpha + row.second * second
+        })
+    }
+}
+
+impl<L: NodeLaw> ReducedContact<L> {
+    /// The solution with these free displacements at α as a function of parameters of the data. One linear solve tells how accurate the
+    /// solution is, and with that how near to a kink.
+    ///
+    /// # Errors
+    /// Parameters of a problem of another size, or none; wrong lengths, values that are not finite; a law with another number of history
+    /// variables than that of the problem; laws that cannot be eliminated; linear solves that do not converge.
+    pub fn sensitivity(
+        &mut self,
+        alpha: f64,
+        displacements: &[f64],
+        parameters: &ContactParameters,
+    ) -> Result<ReducedSensitivity<'_>, ContactError> {
+        let (n, dim, p) = (self.body.num_displacements(), self.body.dim(), self.components.len());
+        parameters.check_sizes([n, p, dim])?;
+        check_finite("the parameter", &[alpha])?;
+        check_length("the displacements", displacements, n)?;
+        check_finite("the displacements", displacements)?;
+        let law: &dyn NodeLaw = match parameters.shared_law() {
+            Some(law) => law.as_ref(),
+            None => &self.law,
+        };
+        let (found, expected) = (law.num_history(), self.law.num_history());
+        if found != expected {
+            return Err(ContactError::Law {
+                what: "history variables",
+                found,
+                least: expected,
+                most: expected,
+            });
+        }
+        let nodes = ReducedNodes {
+            components: &self.components,
+            first: 0,
+            gap: &self.body.gap,
+            reference: &self.reference,
+            history: &self.history,
+            r: self.r,
+            parameter: alpha,
+        };
+        let u = self.body.turned(displacements);
+        // λ = f − A u at the contact nodes, the residual of equilibrium elsewhere.
+        let mut rest = vec![0.0; u.len()];
+        self.system.mul(&u, &mut rest)?;
+        let load = self.body.turned(&self.load_at(alpha));
+        rest.iter_mut().zip(&load).for_each(|(r, f)| *r = f - *r);
+        let values: Vec<LocalValues> = (0..p).map(|i| nodes.values(law, i, &u, |k| rest[k])).collect();
+        let refused = |node: usize, piece: String| ContactError::Invalid {
+            what: format!("piece \"{piece}\" of node {node} does not determine its forces; use the full form"),
+        };
+        let locals = values.iter().enumerate();
+        let locals = locals.map(|(i, v)| Local::new(law, v).map_err(|piece| refused(i, piece)));
+        let locals = locals.collect::<Result<Vec<_>, _>>()?;
+        let sizes: Vec<f64> = (values.iter().enumerate())
+            .map(|(i, v)| size_of_forces(v, nodes.offsets(i)))
+            .collect();
+        let rate = (parameters.has_alpha()).then(|| self.body.load.rate(alpha, n));
+        let mut made = ReducedSensitivity {
+            system: &mut self.system,
+            components: &self.components,
+            nodes: locals,
+            lists: Lists::default(),
+            columns: [
+                parameters.equilibrium()?,
+                parameters.traces()?,
+                parameters.second()?,
+            ],
+            rate,
+            margin: f64::INFINITY,
+            kink: None,
+            iterations: 0,
+        };
+        made.select(law.num_tangents())?;
+        for &at in &self.components {
+            rest[at..at + dim].fill(0.0);
+        }
+        rest.iter_mut().for_each(|r| *r = -*r);
+        made.find_margin(law, &values, &sizes, &rest)?;
+        Ok(made)
+    }
+}
+
+impl ReducedSensitivity<'_> {
+    /// Number of parameters.
+    #[must_use]
+    pub fn num_parameters(&self) -> usize {
+        self.columns[0].ncols() + usize::from(self.rate.is_some())
+    }
+
+    /// `Some(true)` away from kinks: the solution is differentiable. `None` at a kink, or so near to one that the accuracy of the solution
+    /// does not tell.
+    #[must_use]
+    pub fn differentiable(&self) -> Option<bool> {
+        self.kink.is_none().then_some(true)
+    }
+
+    /// The least test function in multiples of its possible error; at most 1 at a kink.
+    #[must_use]
+    pub fn margin(&self) -> f64 {
+        self.margin
+    }
+
+    /// Iterations of GMRES in the last solve.
+    #[must_use]
+    pub fn iterations(&self) -> usize {
+        self.iterations
+    }
+
+    /// The derivative along a change δ of the parameters.
+    ///
+    /// # Errors
+    /// A wrong length, values that are not finite; [`SensitivityError::Kink`]; a solve that does not converge.
+    pub fn jvp(&mut self, delta: &[f64]) -> Result<ContactChange, SensitivityError> {
+        check_vector("the change of the parameters", delta, self.num_parameters())?;
+        self.check_kink()?;
+        let (alpha, own) = self.split(delta);
+        let n = self.columns[0].nrows();
+        let mut forces = vec![0.0; n];
+        (self.columns[0].as_ref()).mul_add(1.0, own, &mut forces);
+        if let Some(rate) = &self.rate {
+            forces.iter_mut().zip(rate).for_each(|(e, f)| *e -= alpha * f);
+        }
+        let [mut traces, mut second] = [1, 2].map(|k| vec![0.0; self.columns[k].nrows()]);
+        (self.columns[1].as_ref()).mul_add(1.0, own, &mut traces);
+        (self.columns[2].as_ref()).mul_add(1.0, own, &mut second);
+        let p = self.nodes.len();
+        let h: Vec<[f64; 3]> = (self.nodes.iter().enumerate())
+            .map(|(i, local)| {
+                let moved = std::array::from_fn(|d| traces.get(d * p + i).copied().unwrap_or(0.0));
+                local.residuals(moved, alpha, second.get(i).copied().unwrap_or(0.0))
+            })
+            .collect();
+        let forces = self.system.body().turned(&forces);
+        let (u, rest) = self.forward(&forces, &h)?;
+        let dim = self.system.body().dim();
+        let nodal = (0..dim).flat_map(|d| self.components.iter().map(move |at| at + d));
+        let change = ContactChange {
+            forces: nodal.map(|k| rest[k]).collect(),
+            displacements: self.system.body().free(&u),
+        };
+        check_vector("the derivative of the solution", &change.displacements, n)?;
+        Ok(change)
+    }
+
+    /// The gradient in the parameters of a function of the solution, from its gradients in the free displacements and in the contact
+    /// forces: one solve with the transposed system.
+    ///
+    /// # Errors
+    /// As [`jvp`](Self::jvp).
+    pub fn vjp(&mut self, displacements: &[f64], forces: &[f64]) -> Result<Vec<f64>, SensitivityError> {
+        let (n, dim, p) = (
+            self.columns[0].nrows(),
+            self.system.body().dim(),
+            self.nodes.len(),
+        );
+        check_vector("the gradient in the displacements", displacements, n)?;
+        check_vector("the gradient in the forces", forces, dim * p)?;
+        self.check_kink()?;
+        let of_u = self.system.body().turned(displacements);
+        let (adjoint, of_h) = self.transposed(of_u, |i, d| forces[d * p + i])?;
+        let mut gradient = vec![0.0; self.columns[0].ncols()];
+        let adjoint = self.system.body().free(&adjoint);
+        (self.columns[0].as_ref()).mul_transpose_add(-1.0, &adjoint, &mut gradient);
+        let (mut traces, mut second, mut of_alpha) = (vec![0.0; dim * p], vec![0.0; p], 0.0);
+        for (i, (local, weight)) in self.nodes.iter().zip(&of_h).enumerate() {
+            for (row, w) in local.rows.iter().zip(weight) {
+                let by = [row.penetration, row.slip[0], row.slip[1]];
+                (0..dim).for_each(|d| traces[d * p + i] += w * by[d]);
+                second[i] += w * row.second;
+                of_alpha += w * row.parameter;
+            }
+        }
+        (self.columns[1].as_ref()).mul_transpose_add(1.0, &traces, &mut gradient);
+        if self.columns[2].nrows() > 0 {
+            (self.columns[2].as_ref()).mul_transpose_add(1.0, &second, &mut gradient);
+        }
+        if let Some(rate) = &self.rate {
+            of_alpha += rate.iter().zip(&adjoint).map(|(f, y)| f * y).sum::<f64>();
+            gradient.insert(0, of_alpha);
+        }
+        check_vector("the gradient", &gradient, gradient.len())?;
+        Ok(gradient)
+    }
+
+    fn check_kink(&self) -> Result<(), SensitivityError> {
+        match self.kink {
+            Some(node) => Err(SensitivityError::Kink {
+                site: format!("contact node {node}"),
+            }),
+            None => Ok(()),
+        }
+    }
+
+    fn split<'d>(&self, delta: &'d [f64]) -> (f64, &'d [f64]) {
+        match self.rate {
+            Some(_) => (delta[0], &delta[1..]),
+            None => (0.0, delta),
+        }
+    }
+
+    /// Passes the rows that the laws change to the system, as a Newton step does.
+    fn select(&mut self, tangents: usize) -> Result<(), LinearError> {
+        let lists = &mut self.lists;
+        for (local, &at) in self.nodes.iter().zip(self.components) {
+            let (node, definite) = (&local.node, local.node.definite());
+            for d in 0..=tangents {
+                if local.is_held(d) {
+                    lists.constrained.push(at + d);
+                    continue;
+                }
+                for e in (0..=tangents).filter(|&e| !local.is_held(e)) {
+                    if definite[d][e] != 0.0 {
+                        lists.added.push((at + d, at + e, definite[d][e]));
+                    }
+                    let rest = node.stiffness[d][e] - definite[d][e];
+                    if rest != 0.0 {
+                        lists.beside.push((at + d, at + e, rest));
+                    }
+                }
+                if node.coupling[d] != 0.0 {
+                    lists.combined.push((at + d, at, -node.coupling[d]));
+                }
+            }
+        }
+        self.system.select(&ReducedStep {
+            constrained: &lists.constrained,
+            added: &lists.added,
+            beside: &lists.beside,
+            combined: &lists.combined,
+        })
+    }
+
+    /// The rates of the displacements and of f − A u, of which those of the contact nodes are forces, from rates e of A u + Bᵀ λ − f and h
+    /// of the laws.
+    fn forward(&mut self, e: &[f64], h: &[[f64; 3]]) -> Result<(Vec<f64>, Vec<f64>), LinearError> {
+        let dim = self.system.body().dim();
+        let (mut u, mut rest) = (vec![0.0; e.len()], vec![0.0; e.len()]);
+        let responses: Vec<[[f64; 3]; 2]> = (self.nodes.iter().zip(h)).map(|(n, h)| n.response(*h)).collect();
+        for ([held, _], &at) in responses.iter().zip(self.components) {
+            u[at..at + dim].copy_from_slice(&held[..dim]);
+        }
+        self.system.mul(&u, &mut rest)?;
+        rest.iter_mut().zip(e).for_each(|(r, e)| *r = -*r - e);
+        for ((local, [_, constant]), &at) in self.nodes.iter().zip(&responses).zip(self.components) {
+            let pressure = rest[at];
+            for d in 0..dim {
+                rest[at + d] = match local.is_held(d) {
+                    true => 0.0,
+                    false => rest[at + d] - constant[d] - local.node.coupling[d] * pressure,
+                };
+            }
+        }
+        let mut step = vec![0.0; u.len()];
+        if max_abs(&rest) > 0.0 {
+            let outcome = self.system.solve(&rest, &mut step, TOLERANCE)?;
+            self.accept(outcome)?;
+        }
+        u.iter_mut().zip(&step).for_each(|(u, s)| *u += s);
+        self.system.mul(&u, &mut rest)?;
+        rest.iter_mut().zip(e).for_each(|(r, e)| *r = -*r - e);
+        Ok((u, rest))
+    }
+
+    /// The gradients in −e and h of a function whose gradients in u and in the nodes' forces are given.
+    ///
+    /// With R, which adds κ times the row of the normal to that of a free tangent, and S, the stiffness that the laws add, rates obey
+    /// R (A u + e) + S u + c = 0 in the free components and λ = −(A u + e) in the others, where u is prescribed. Y = Rᵀ y + ω, y being the
+    /// multiplier of the former and ω the gradient in the latter, is what multiplies A u + e.
+    fn transposed(
+        &mut self,
+        of_u: Vec<f64>,
+        of_force: impl Fn(usize, usize) -> f64,
+    ) -> Result<(Vec<f64>, Vec<[f64; 3]>), LinearError> {
+        let dim = self.system.body().dim();
+        let (mut omega, mut rhs) = (vec![0.0; of_u.len()], vec![0.0; of_u.len()]);
+        for (i, (local, &at)) in self.nodes.iter().zip(self.components).enumerate() {
+            for d in 0..dim {
+                match local.is_held(d) {
+                    true => omega[at + d] += of_force(i, d),
+                    false => omega[at] += local.node.coupling[d] * of_force(i, d),
+                }
+            }
+        }
+        self.system.mul(&omega, &mut rhs)?;
+        rhs.iter_mut().zip(&of_u).for_each(|(r, w)| *r = w - *r);
+        for (i, (local, &at)) in self.nodes.iter().zip(self.components).enumerate() {
+            for d in 0..dim {
+                if local.is_held(d) {
+                    rhs[at + d] = 0.0;
+                    continue;
+                }
+                let free = (0..dim).filter(|&e| !local.is_held(e));
+                rhs[at + d] += free
+                    .map(|e| local.node.stiffness[e][d] * of_force(i, e))
+                    .sum::<f64>();
+            }
+        }
+        let mut y = vec![0.0; rhs.len()];
+        if max_abs(&rhs) > 0.0 {
+            let outcome = self.system.solve_transposed(&rhs, &mut y, TOLERANCE)?;
+            self.accept(outcome)?;
+        }
+        let mut all = y.clone();
+        all.iter_mut().zip(&omega).for_each(|(y, w)| *y += w);
+        for &(i, j, c) in &self.lists.combined {
+            all[j] += c * y[i];
+        }
+        let mut image = vec![0.0; y.len()];
+        self.system.mul(&all, &mut image)?;
+        let of_h = self.nodes.iter().zip(self.components).enumerate();
+        let of_h = of_h.map(|(i, (local, &at))| {
+            std::array::from_fn(|k| {
+                let [held, constant] = &local.unit[k];
+                let part = |d: usize| match local.is_held(d) {
+                    true => held[d] * (of_u[at + d] - image[at + d]),
+                    false => constant[d] * (of_force(i, d) - y[at + d]),
+                };
+                (0..dim).map(part).sum()
+            })
+        });
+        let of_h = of_h.collect();
+        Ok((all, of_h))
+    }
+
+    fn accept(&mut self, outcome: KrylovOutcome) -> Result<(), LinearError> {
+        self.iterations = outcome.iterations;
+        match outcome.residual <= LARGEST {
+            true => Ok(()),
+            false => Err(LinearError::Inaccurate {
+                residual: outcome.residual,
+            }),
+        }
+    }
+
+    /// How far test functions are from zero, in multiples of what one more Newton step would change them by.
+    fn find_margin(
+        &mut self,
+        law: &dyn NodeLaw,
+        values: &[LocalValues],
+        sizes: &[f64],
+        residual: &[f64],
+    ) -> Result<(), LinearError> {
+        let h: Vec<[f64; 3]> = (values.iter().zip(&self.nodes))
+            .map(|(v, local)| law.residual(local.node.piece, v))
+            .collect();
+        let (u, rest) = self.forward(residual, &h)?;
+        let largest = sizes.iter().fold(0.0_f64, |m, s| m.max(*s));
+        for (i, (v, &at)) in values.iter().zip(self.components).enumerate() {
+            let mut moved = LocalRow {
+                penetration: u[at],
+                pressure: rest[at],
+                ..LocalRow::default()
+            };
+            for d in 0..law.num_tangents() {
+                (moved.slip[d], moved.traction[d]) = (u[at + 1 + d], rest[at + 1 + d]);
+            }
+            let (mut tests, mut rows) = ([0.0; MAX_TESTS], [LocalRow::default(); MAX_TESTS]);
+            law.tests(v, &mut tests);
+            law.test_rows(v, &mut rows);
+            // Only the facets of the cell tell whether the piece changes.
+            for facet in law.cell(self.nodes[i].node.piece) {
+                let (test, row) = (tests[facet.test()], &rows[facet.test()]);
+                let size = row.pressure.abs() + row.traction[0].abs() + row.traction[1].abs();
+                let error = ALLOWANCE * row.along(&moved).abs() + ROUNDINGS * largest * size.max(f64::MIN_POSITIVE);
+                let margin = test.abs() / error.max(f64::MIN_POSITIVE);
+                self.margin = self.margin.min(margin);
+                if margin <= 1.0 && self.kink.is_none() {
+                    self.kink = Some(i);
+                }
+            }
+        }
+        Ok(())
+    }
+}

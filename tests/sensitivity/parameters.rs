@@ -1,0 +1,373 @@
+//! Contact: derivatives in all data of a problem, in all forms, against differences of solutions of changed problems.
+
+use std::sync::Arc;
+
+use semismooth::contact::{
+    CondensedContact, ContactBody, ContactParameters, ContactSensitivity,
+    FrictionCoefficient, FullContact, LoadCase, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedContact, ReducedOptions,
+};
+use semismooth::fem::{
+    ContactRows, Dilatation, ElasticSystem, Elasticity, Foundation, Material, MaterialConstant, Mesh, PlaneModel,
+};
+use semismooth::interface::View;
+use semismooth::sparse::Matrix;
+
+use super::dot;
+use super::random::Random;
+
+pub type Law = Arc<dyn NodeLaw + Send + Sync>;
+
+/// All data of a body on the ground: held at its left side, which is moved, pressed down and pushed along.
+#[derive(Clone)]
+pub struct Data {
+    mesh: Mesh,
+    points: Vec<[f64; 3]>,
+    plane: PlaneModel,
+    dilatation: Dilatation,
+    /// E and ν of the left and of the right part.
+    materials: [[f64; 2]; 2],
+    motion: f64,
+    alpha: f64,
+    push: f64,
+    load: Vec<f64>,
+    gap: Vec<f64>,
+    friction: Vec<f64>,
+}
+
+impl Data {
+    pub fn new(mesh: Mesh, plane: PlaneModel, dilatation: Dilatation) -> Self {
+        let (dim, random) = (mesh.dim(), &mut Random::new(3));
+        let mut points = mesh.points().to_vec();
+        for at in &mut points {
+            // No cell is a rectangle, and contact nodes, which are sorted by their first coordinates, keep their order when they move.
+            at[0] += if dim == 3 { 0.05 * at[1] } else { 0.0 };
+            let bump = 0.05 * (3.0 * at[0] + 2.0 * at[1]).sin() * at[dim - 1];
+            at[..dim].iter_mut().for_each(|x| *x += bump);
+        }
+        let mut data = Self {
+            mesh,
+            points,
+            plane,
+            dilatation,
+            materials: [[1.0, 0.3], [1.7, 0.2]],
+            motion: 2e-4,
+            alpha: 0.7,
+            push: 0.002,
+            load: Vec::new(),
+            gap: Vec::new(),
+            friction: Vec::new(),
+        };
+        let (system, rows) = data.system();
+        let p = rows.nodes.len();
+        data.load = random.vector(system.num_free(), 1e-4);
+        data.gap = random.vector(p, 3e-4);
+        data.friction = random.vector(p, 0.05).iter().map(|f| 0.3 + f).collect();
+        data
+    }
+
+    /// A plane body of quadrilaterals, or of triangles.
+    pub fn plane(plane: PlaneModel, dilatation: Dilatation, simplices: bool) -> Self {
+        let mesh = Mesh::rectangle([1.0, 0.0], [3.0, 1.0], [6, 3]).unwrap();
+        let mesh = if simplices { mesh.simplices().unwrap() } else { mesh };
+        Self::new(mesh, plane, dilatation)
+    }
+
+    pub fn space(cells: [usize; 3], simplices: bool) -> Self {
+        let mesh = Mesh::block([1.0, 0.0, 0.0], [3.0, 1.0, 1.0], cells).unwrap();
+        let mesh = if simplices { mesh.simplices().unwrap() } else { mesh };
+        Self::new(mesh, PlaneModel::Strain, Dilatation::Automatic)
+    }
+
+    /// The body under a push with which some nodes stick and others slip, none of them close to a change.
+    pub fn mixed(mut self) -> Self {
+        for _ in 0..60 {
+            let states = |factor: f64| {
+                let mut data = self.clone();
+                data.push *= factor;
+                let problem = data.condensed();
+                let found = problem.solution(&problem.solve(data.alpha, None).unwrap()).unwrap();
+                (found.stick() > 0 && found.slip() > 0).then_some(found.states)
+            };
+            let [below, here, above] = [0.96, 1.0, 1.04].map(states);
+            if here.is_some() && below == here && above == here {
+                return self;
+            }
+            self.push *= 1.1;
+        }
+        panic!("no push leaves nodes in both states");
+    }
+
+    fn dim(&self) -> usize {
+        self.mesh.dim()
+    }
+
+    pub fn up(&self) -> [f64; 3] {
+        if self.dim() == 2 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] }
+    }
+
+    pub fn system(&self) -> (ElasticSystem, ContactRows) {
+        let old = &self.mesh;
+        let cells = (0..old.num_cells()).map(|c| (old.kind(c), old.cell(c).to_vec()));
+        let mut mesh = Mesh::new(self.dim(), self.points.clone(), cells).unwrap();
+        for name in ["left", "top", "bottom"] {
+            mesh.add_facet_group(name, old.facet_group(name).unwrap().to_vec()).unwrap();
+        }
+        let right = (0..old.num_cells()).filter(|&c| old.centre(c)[0] > 2.0).collect();
+        mesh.add_cell_group("right", right).unwrap();
+        let [left, right] = self.materials.map(|[e, nu]| Material::isotropic(e, nu).unwrap());
+        let motion = self.motion;
+        let mut body = Elasticity::new(mesh, left)
+            .with_material("right", right)
+            .with_plane_model(self.plane)
+            .with_dilatation(self.dilatation)
+            .prescribe("left", 0, move |_| motion);
+        for d in 1..self.dim() {
+            body = body.fix_component("left", d);
+        }
+        let system = body.assemble().unwrap();
+        let rows = system.contact("bottom", &Foundation::plane([0.0; 3], self.up())).unwrap();
+        (system, rows)
+    }
+
+    /// Nodal forces that do not depend on positions: a weight on the top, and a push there with α.
+    pub fn load(&self, system: &ElasticSystem) -> LoadPath {
+        let top = self.mesh.facet_group("top").unwrap();
+        let share = 1.0 / top.len() as f64;
+        let mut loads = [self.load.clone(), vec![0.0; self.load.len()]];
+        for &node in top.iter().flatten() {
+            let mut add = |k: usize, d: usize, f: f64| {
+                if let Some(dof) = system.dof(node, d) {
+                    loads[k][dof] += share * f;
+                }
+            };
+            add(0, self.dim() - 1, -0.02);
+            (0..self.dim() - 1).for_each(|d| add(1, d, self.push));
+        }
+        let [constant, push] = loads;
+        let constant = LoadCase::from(constant).plus(system.supports()).unwrap();
+        LoadPath::affine(constant, push)
+    }
+
+    fn body(&self) -> ContactBody {
+        let (system, rows) = self.system();
+        let gap = rows.gap.iter().zip(&self.gap).map(|(a, b)| a + b).collect();
+        let body = semismooth::contact_body(&system, &rows, self.load(&system)).unwrap();
+        body.with_gap(gap).unwrap()
+    }
+
+    pub fn law(&self, second: bool) -> Law {
+        let mut friction = FrictionCoefficient::nodal(self.friction.clone()).unwrap();
+        if second {
+            friction = friction.with_second(vec![1.0; self.friction.len()]).unwrap();
+        }
+        match self.dim() {
+            2 => Arc::new(PlanarCoulomb::new(friction)),
+            _ => Arc::new(OrthotropicCoulomb::isotropic(friction)),
+        }
+    }
+
+    fn condensed(&self) -> CondensedContact<Law> {
+        CondensedContact::new(self.body(), self.law(false)).unwrap()
+    }
+
+    /// (u, λ); `near` is a solution of the condensed form nearby.
+    pub fn solution(&self, near: Option<&[f64]>) -> Vec<f64> {
+        let problem = self.condensed();
+        let x = problem.solve(self.alpha, near).unwrap();
+        let mut full = problem.expand(&x).unwrap();
+        full.truncate(full.len() - 1);
+        full
+    }
+
+    /// The parameters: α, two loads, the motion of the left side, all gaps, all coefficients of friction, E and ν of the right part, E
+    /// everywhere, the positions of all nodes. The second result are the first numbers of these, and their count.
+    pub fn parameters(&self, empty: ContactParameters, full: &[f64]) -> (ContactParameters, Vec<usize>) {
+        let (system, rows) = self.system();
+        let (n, p) = (system.num_free(), rows.nodes.len());
+        let supports = system.supports().displacements();
+        let u = system.displacements(&full[..n], supports).unwrap();
+        let loads = random_loads(n);
+        let loads = Matrix::from_triplets(n, 2, &entries(&loads)).unwrap();
+        let motion = system.motion("left", 0, |_| 1.0).unwrap();
+        let motion = Matrix::from_triplets(n, 1, &entries(&[motion.forces().to_vec()])).unwrap();
+        let by = |constant, cells| system.forces_by_material(&u, constant, cells).unwrap();
+        let materials = [
+            by(MaterialConstant::Young, Some("right")),
+            by(MaterialConstant::Poisson, Some("right")),
+            by(MaterialConstant::Young, None),
+        ];
+        let materials = Matrix::from_triplets(n, 3, &entries(&materials)).unwrap();
+        let positions = system.forces_by_position(&u).unwrap();
+        let up = self.up();
+        let traces = rows.traces_by_position(&system, |_| up).unwrap();
+        let identity = Matrix::identity(p);
+        let made = empty
+            .with_loads(&loads)
+            .and_then(|made| made.with_loads(&motion))
+            .and_then(|made| made.with_gaps(&identity))
+            .and_then(|made| made.with_law(self.law(true), &identity))
+            .and_then(|made| made.with_body(&materials, None))
+            .and_then(|made| made.with_body(&positions, Some(&traces)))
+            .unwrap()
+            .with_alpha();
+        let firsts = vec![0, 1, 3, 4, 4 + p, 4 + 2 * p, 7 + 2 * p, made.len()];
+        (made, firsts)
+    }
+
+    /// The data with the parameters changed by s δ.
+    pub fn changed(&self, delta: &[f64], s: f64) -> Self {
+        let (mut data, p) = (self.clone(), self.gap.len());
+        data.alpha += s * delta[0];
+        for (k, load) in random_loads(self.load.len()).iter().enumerate() {
+            data.load.iter_mut().zip(load).for_each(|(f, own)| *f += s * delta[1 + k] * own);
+        }
+        data.motion += s * delta[3];
+        for i in 0..p {
+            data.gap[i] += s * delta[4 + i];
+            data.friction[i] += s * delta[4 + p + i];
+        }
+        let materials = &delta[4 + 2 * p..];
+        data.materials[1][0] += s * (materials[0] + materials[2]);
+        data.materials[1][1] += s * materials[1];
+        data.materials[0][0] += s * materials[2];
+        let dim = self.dim();
+        for (n, at) in data.points.iter_mut().enumerate() {
+            for (d, x) in at.iter_mut().enumerate().take(dim) {
+                *x += s * materials[3 + dim * n + d];
+            }
+        }
+        data
+    }
+}
+
+fn random_loads(n: usize) -> [Vec<f64>; 2] {
+    let random = &mut Random::new(8);
+    [random.vector(n, 0.001), random.vector(n, 0.001)]
+}
+
+fn entries(columns: &[Vec<f64>]) -> Vec<(usize, usize, f64)> {
+    let columns = columns.iter().enumerate();
+    columns
+        .flat_map(|(j, column)| column.iter().enumerate().map(move |(i, v)| (i, j, *v)))
+        .collect()
+}
+
+/// The derivative along a direction by differences of fourth order.
+pub fn differences(data: &Data, near: &[f64], delta: &[f64], step: f64) -> Vec<f64> {
+    let at = |s: f64| data.changed(delta, s).solution(Some(near));
+    let (a, b, c, d) = (at(-2.0 * step), at(-step), at(step), at(2.0 * step));
+    let rate = |i: usize| (8.0 * (c[i] - b[i]) - (d[i] - a[i])) / (12.0 * step);
+    (0..a.len()).map(rate).collect()
+}
+
+/// A direction of one kind of parameters, of a size that keeps all nodes in their states.
+pub fn directions(firsts: &[usize], random: &mut Random) -> Vec<Vec<f64>> {
+    let sizes = [1.0, 1.0, 0.01, 0.001, 0.3, 1.0, 0.1];
+    let kinds = firsts.windows(2).zip(sizes);
+    kinds
+        .map(|(span, size)| {
+            let mut delta = vec![0.0; firsts[7]];
+            let own = random.vector(span[1] - span[0], size);
+            delta[span[0]..span[1]].copy_from_slice(&own);
+            delta
+        })
+        .collect()
+}
+
+pub fn close(found: &[f64], expected: &[f64], tolerance: f64, what: &str) {
+    let largest = expected.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    for (i, (f, e)) in found.iter().zip(expected).enumerate() {
+        assert!((f - e).abs() <= tolerance * largest, "{what}, {i}: {f} {e} of {largest}");
+    }
+}
+
+fn all(found: &mut ContactSensitivity<impl View>, delta: &[f64]) -> Vec<f64> {
+    let change = found.jvp(delta).unwrap();
+    [change.displacements, change.forces].concat()
+}
+
+/// Both forms give the derivatives of differences in each kind of parameters, and the adjoint of either is exact.
+fn checked(data: Data) {
+    let data = &data.mixed();
+    let condensed = data.condensed();
+    let x = condensed.solve(data.alpha, None).unwrap();
+    let y = condensed.expand(&x).unwrap();
+    let (parameters, firsts) = data.parameters(condensed.parameters(), &y);
+    let full = FullContact::new(data.body(), data.law(false)).unwrap();
+    let mut found = condensed.sensitivity(&x, &parameters).unwrap();
+    let mut other = full.sensitivity(&y, &parameters).unwrap();
+    assert_eq!(found.differentiable().unwrap().known(), Some(true));
+    assert_eq!(other.differentiable().unwrap().known(), Some(true));
+    let random = &mut Random::new(5);
+    let n = full.num_displacements();
+    for (kind, delta) in directions(&firsts, random).iter().enumerate() {
+        let rate = all(&mut found, delta);
+        let what = format!("parameters {kind}");
+        close(&rate, &differences(data, &x, delta, 5e-5), 1e-7, &what);
+        close(&all(&mut other, delta), &rate, 1e-10, &what);
+        let w = random.vector(y.len() - 1, 1.0);
+        let forward = dot(&rate, &w);
+        for gradient in [found.vjp(&w[..n], &w[n..]), other.vjp(&w[..n], &w[n..])] {
+            let adjoint = dot(&gradient.unwrap(), delta);
+            let size: f64 = rate.iter().zip(&w).map(|(a, b)| (a * b).abs()).sum();
+            assert!((forward - adjoint).abs() <= 1e-11 * size, "{what}: {forward} {adjoint}");
+        }
+    }
+}
+
+#[test]
+fn plane_strain() {
+    checked(Data::plane(PlaneModel::Strain, Dilatation::Pointwise, false));
+    checked(Data::plane(PlaneModel::Strain, Dilatation::Mean, false));
+    checked(Data::plane(PlaneModel::Strain, Dilatation::Automatic, true));
+}
+
+#[test]
+fn plane_stress_and_revolution() {
+    checked(Data::plane(PlaneModel::Stress, Dilatation::Automatic, false));
+    checked(Data::plane(PlaneModel::Axisymmetric, Dilatation::Pointwise, false));
+    checked(Data::plane(PlaneModel::Axisymmetric, Dilatation::Mean, true));
+    checked(Data::plane(PlaneModel::Axisymmetric, Dilatation::Mean, false));
+}
+
+#[test]
+fn space() {
+    checked(Data::space([4, 2, 2], false));
+    checked(Data::space([3, 2, 2], true));
+}
+
+/// The form in displacements has the derivatives of the condensed form, by transposed solves, too.
+#[test]
+fn displacements_alone() {
+    let plane = Data::plane(PlaneModel::Strain, Dilatation::Pointwise, false);
+    for data in [plane, Data::space([4, 2, 2], false), Data::space([3, 2, 2], true)] {
+        let data = data.mixed();
+        let condensed = data.condensed();
+        let x = condensed.solve(data.alpha, None).unwrap();
+        let y = condensed.expand(&x).unwrap();
+        let (parameters, firsts) = data.parameters(condensed.parameters(), &y);
+        let mut expected = condensed.sensitivity(&x, &parameters).unwrap();
+
+        let (system, rows) = data.system();
+        let gap = rows.gap.iter().zip(&data.gap).map(|(a, b)| a + b).collect();
+        let body = semismooth::reduced_body(&system, &rows, data.load(&system)).unwrap();
+        let body = body.with_gap(gap).unwrap();
+        let options = ReducedOptions::default().with_tolerance(1e-13);
+        let mut problem = ReducedContact::new(body, data.law(false), options).unwrap();
+        let n = system.num_free();
+        let u = problem.solve(data.alpha, Some(&y[..n])).unwrap().displacements;
+        let mut found = problem.sensitivity(data.alpha, &u, &parameters).unwrap();
+        assert_eq!(found.differentiable(), Some(true), "{}", found.margin());
+        let random = &mut Random::new(6);
+        for (kind, delta) in directions(&firsts, random).iter().enumerate() {
+            let change = found.jvp(delta).unwrap();
+            let rate = [change.displacements, change.forces].concat();
+            close(&rate, &all(&mut expected, delta), 1e-7, &format!("parameters {kind}"));
+            let w = random.vector(rate.len(), 1.0);
+            let gradient = found.vjp(&w[..n], &w[n..]).unwrap();
+            let size: f64 = rate.iter().zip(&w).map(|(a, b)| (a * b).abs()).sum();
+            let (forward, adjoint) = (dot(&rate, &w), dot(&gradient, delta));
+            assert!((forward - adjoint).abs() <= 1e-8 * size, "{kind}: {forward} {adjoint}");
+        }
+    }
+}
