@@ -38,8 +38,8 @@ pub use delassus::{
 };
 pub use displacements::{
     KrylovObserver, KrylovOutcome, ReducedBody, ReducedContact, ReducedError, ReducedIteration, ReducedLevel,
-    ReducedNodes, ReducedObserver, ReducedOptions, ReducedProgress, ReducedReport,
-    ReducedSensitivity, ReducedStep, ReducedStrategy, ReducedSystem, ReducedTimes, solve_reduced, solve_reduced_observed,
+    ReducedNodes, ReducedObserver, ReducedOptions, ReducedProgress, ReducedReport, ReducedSensitivity,
+    ReducedStep, ReducedStrategy, ReducedSystem, ReducedTimes, solve_reduced, solve_reduced_observed,
 };
 pub use error::ContactError;
 pub use evolution::{Arrival, EvolutionOptions, EvolutionProgress, EvolutionStep, evolve, evolve_observed};

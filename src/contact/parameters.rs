@@ -210,7 +210,11 @@ impl ContactParameters {
 
     /// ∂_θ(A u + Bᵀ λ − f), without α.
     pub(super) fn equilibrium(&self) -> Result<Matrix, ContactError> {
-        Ok(Matrix::from_triplets(self.sizes[0], self.count, &self.equilibrium)?)
+        Ok(Matrix::from_triplets(
+            self.sizes[0],
+            self.count,
+            &self.equilibrium,
+        )?)
     }
 
     /// ∂_θ(B u − gap), without α.

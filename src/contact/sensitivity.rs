@@ -101,7 +101,8 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
         parameters.check_sizes(sizes)?;
         check_length("the solution x", x, self.num_vars())?;
         if self.num_parameters() > 1 {
-            let what = "the derivatives of problems with a second load parameter are those of `Sensitivity`".into();
+            let what =
+                "the derivatives of problems with a second load parameter are those of `Sensitivity`".into();
             return Err(ContactError::Invalid { what });
         }
         let law = match parameters.shared_law() {

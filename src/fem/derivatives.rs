@@ -8,7 +8,11 @@ use super::{ContactRows, FemError};
 use crate::sparse::Matrix;
 use crate::words::named;
 
-named!(MaterialConstant, "constant of a material", [Self::Young, Self::Poisson]);
+named!(
+    MaterialConstant,
+    "constant of a material",
+    [Self::Young, Self::Poisson]
+);
 
 impl MaterialConstant {
     /// Its name.
@@ -49,7 +53,11 @@ impl Cell {
     /// The points' changes as node `a` moves along `d`: exact, as are shape functions and weights fixed in the reference cell.
     fn changes(&self, a: usize, d: usize) -> Vec<Point> {
         let change = |p: &Point| {
-            let turn = if self.is_revolved && d == 0 { p.hoop[a] } else { 0.0 };
+            let turn = if self.is_revolved && d == 0 {
+                p.hoop[a]
+            } else {
+                0.0
+            };
             Point {
                 volume: p.volume * (p.gradient[a][d] + turn),
                 gradient: p.gradient.map(|own| p.gradient[a].map(|g| -own[d] * g)),

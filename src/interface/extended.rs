@@ -229,7 +229,11 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Extended<V, G> {
             };
             let span = source.pattern().col_ptr()[k]..source.pattern().col_ptr()[k + 1];
             for e in span {
-                jac.add(first + i, own + source.pattern().row_idx()[e], c * source.values()[e]);
+                jac.add(
+                    first + i,
+                    own + source.pattern().row_idx()[e],
+                    c * source.values()[e],
+                );
             }
         }
     }
@@ -242,12 +246,9 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Extended<V, G> {
     }
 
     fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
-        let (z, dz) = self.base.with_scratch(|s| {
-            (
-                self.law_point(x, s),
-                d.map(|d| self.law_direction(x, d, s)),
-            )
-        });
+        let (z, dz) = self
+            .base
+            .with_scratch(|s| (self.law_point(x, s), d.map(|d| self.law_direction(x, d, s))));
         self.base
             .law
             .tests_of_selection(selection, &z, dz.as_deref(), out);

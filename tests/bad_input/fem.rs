@@ -1,8 +1,8 @@
 use std::path::Path;
 
 use semismooth::fem::{
-    CellKind, Elasticity, Foundation, Material, Mesh, Mortar, MultiplierSpace, PlaneModel, PlasticBody,
-    TraceSpace, VonMises, parse_getfem, parse_gmsh, read_getfem, read_gmsh,
+    CellKind, Elasticity, Foundation, Material, MaterialConstant, Mesh, Mortar, MultiplierSpace, PlaneModel,
+    PlasticBody, TraceSpace, VonMises, parse_getfem, parse_gmsh, read_getfem, read_gmsh,
 };
 use semismooth::interface::LoadCase;
 
@@ -28,6 +28,7 @@ fn finite_elements() {
     bodies(&mut t);
     plastic(&mut t);
     readers(&mut t);
+    derivatives(&mut t);
     t.finish();
 }
 
@@ -586,5 +587,53 @@ fn readers(t: &mut Table) {
     t.refuses("fem::read_gmsh", "no file", "no/such/file", || read_gmsh(missing));
     t.refuses("fem::read_getfem", "no file", "no/such/file", || {
         read_getfem(missing)
+    });
+}
+
+fn derivatives(t: &mut Table) {
+    let system = body().assemble().unwrap();
+    let all = 2 * system.mesh().num_nodes();
+    let by_material = "fem::ElasticSystem::forces_by_material";
+    let young = MaterialConstant::Young;
+    t.refuses(by_material, "free displacements alone", "length", || {
+        system.forces_by_material(&vec![0.0; system.num_free()], young, None)
+    });
+    t.refuses(by_material, "no such group", "nowhere", || {
+        system.forces_by_material(&vec![0.0; all], young, Some("nowhere"))
+    });
+    t.refuses(
+        by_material,
+        "a material that is not isotropic",
+        "isotropic",
+        || {
+            let mut c = Material::isotropic(1.0, 0.3).unwrap().components();
+            c[0][0][0][0] += 0.5;
+            let other = Elasticity::new(square(), Material::tensor(&c).unwrap()).fix("top");
+            let system = other.assemble().unwrap();
+            system.forces_by_material(&vec![0.0; all], young, None)
+        },
+    );
+    let by_position = "fem::ElasticSystem::forces_by_position";
+    t.refuses(by_position, "free displacements alone", "length", || {
+        system.forces_by_position(&vec![0.0; system.num_free()])
+    });
+    let plane = Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]);
+    let rows = system.contact("bottom", &plane).unwrap();
+    for bad in BAD {
+        t.refuses(by_material, "a displacement", "displacement", || {
+            system.forces_by_material(&vec![bad; all], young, None)
+        });
+        t.refuses(by_position, "a displacement", "displacement", || {
+            system.forces_by_position(&vec![bad; all])
+        });
+        t.refuses(
+            "fem::ContactRows::traces_by_position",
+            "a gradient",
+            "gap",
+            || rows.traces_by_position(&system, |_| [bad; 3]),
+        );
+    }
+    t.refuses("fem::MaterialConstant::from_name", "another name", "", || {
+        "density".parse::<MaterialConstant>()
     });
 }

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactParameters, ContactSensitivity,
-    FrictionCoefficient, FullContact, LoadCase, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedContact, ReducedOptions,
+    CondensedContact, ContactBody, ContactParameters, ContactSensitivity, FrictionCoefficient, FullContact,
+    LoadCase, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedContact, ReducedOptions,
 };
 use semismooth::fem::{
-    ContactRows, Dilatation, ElasticSystem, Elasticity, Foundation, Material, MaterialConstant, Mesh, PlaneModel,
+    ContactRows, Dilatation, ElasticSystem, Elasticity, Foundation, Material, MaterialConstant, Mesh,
+    PlaneModel,
 };
 use semismooth::interface::View;
 use semismooth::sparse::Matrix;
@@ -68,13 +69,21 @@ impl Data {
     /// A plane body of quadrilaterals, or of triangles.
     pub fn plane(plane: PlaneModel, dilatation: Dilatation, simplices: bool) -> Self {
         let mesh = Mesh::rectangle([1.0, 0.0], [3.0, 1.0], [6, 3]).unwrap();
-        let mesh = if simplices { mesh.simplices().unwrap() } else { mesh };
+        let mesh = if simplices {
+            mesh.simplices().unwrap()
+        } else {
+            mesh
+        };
         Self::new(mesh, plane, dilatation)
     }
 
     pub fn space(cells: [usize; 3], simplices: bool) -> Self {
         let mesh = Mesh::block([1.0, 0.0, 0.0], [3.0, 1.0, 1.0], cells).unwrap();
-        let mesh = if simplices { mesh.simplices().unwrap() } else { mesh };
+        let mesh = if simplices {
+            mesh.simplices().unwrap()
+        } else {
+            mesh
+        };
         Self::new(mesh, PlaneModel::Strain, Dilatation::Automatic)
     }
 
@@ -85,7 +94,9 @@ impl Data {
                 let mut data = self.clone();
                 data.push *= factor;
                 let problem = data.condensed();
-                let found = problem.solution(&problem.solve(data.alpha, None).unwrap()).unwrap();
+                let found = problem
+                    .solution(&problem.solve(data.alpha, None).unwrap())
+                    .unwrap();
                 (found.stick() > 0 && found.slip() > 0).then_some(found.states)
             };
             let [below, here, above] = [0.96, 1.0, 1.04].map(states);
@@ -102,7 +113,11 @@ impl Data {
     }
 
     pub fn up(&self) -> [f64; 3] {
-        if self.dim() == 2 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] }
+        if self.dim() == 2 {
+            [0.0, 1.0, 0.0]
+        } else {
+            [0.0, 0.0, 1.0]
+        }
     }
 
     pub fn system(&self) -> (ElasticSystem, ContactRows) {
@@ -110,7 +125,8 @@ impl Data {
         let cells = (0..old.num_cells()).map(|c| (old.kind(c), old.cell(c).to_vec()));
         let mut mesh = Mesh::new(self.dim(), self.points.clone(), cells).unwrap();
         for name in ["left", "top", "bottom"] {
-            mesh.add_facet_group(name, old.facet_group(name).unwrap().to_vec()).unwrap();
+            mesh.add_facet_group(name, old.facet_group(name).unwrap().to_vec())
+                .unwrap();
         }
         let right = (0..old.num_cells()).filter(|&c| old.centre(c)[0] > 2.0).collect();
         mesh.add_cell_group("right", right).unwrap();
@@ -125,7 +141,9 @@ impl Data {
             body = body.fix_component("left", d);
         }
         let system = body.assemble().unwrap();
-        let rows = system.contact("bottom", &Foundation::plane([0.0; 3], self.up())).unwrap();
+        let rows = system
+            .contact("bottom", &Foundation::plane([0.0; 3], self.up()))
+            .unwrap();
         (system, rows)
     }
 
@@ -219,7 +237,10 @@ impl Data {
         let (mut data, p) = (self.clone(), self.gap.len());
         data.alpha += s * delta[0];
         for (k, load) in random_loads(self.load.len()).iter().enumerate() {
-            data.load.iter_mut().zip(load).for_each(|(f, own)| *f += s * delta[1 + k] * own);
+            data.load
+                .iter_mut()
+                .zip(load)
+                .for_each(|(f, own)| *f += s * delta[1 + k] * own);
         }
         data.motion += s * delta[3];
         for i in 0..p {
@@ -277,7 +298,10 @@ pub fn directions(firsts: &[usize], random: &mut Random) -> Vec<Vec<f64>> {
 pub fn close(found: &[f64], expected: &[f64], tolerance: f64, what: &str) {
     let largest = expected.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     for (i, (f, e)) in found.iter().zip(expected).enumerate() {
-        assert!((f - e).abs() <= tolerance * largest, "{what}, {i}: {f} {e} of {largest}");
+        assert!(
+            (f - e).abs() <= tolerance * largest,
+            "{what}, {i}: {f} {e} of {largest}"
+        );
     }
 }
 
@@ -310,7 +334,10 @@ fn checked(data: Data) {
         for gradient in [found.vjp(&w[..n], &w[n..]), other.vjp(&w[..n], &w[n..])] {
             let adjoint = dot(&gradient.unwrap(), delta);
             let size: f64 = rate.iter().zip(&w).map(|(a, b)| (a * b).abs()).sum();
-            assert!((forward - adjoint).abs() <= 1e-11 * size, "{what}: {forward} {adjoint}");
+            assert!(
+                (forward - adjoint).abs() <= 1e-11 * size,
+                "{what}: {forward} {adjoint}"
+            );
         }
     }
 }
@@ -325,7 +352,11 @@ fn plane_strain() {
 #[test]
 fn plane_stress_and_revolution() {
     checked(Data::plane(PlaneModel::Stress, Dilatation::Automatic, false));
-    checked(Data::plane(PlaneModel::Axisymmetric, Dilatation::Pointwise, false));
+    checked(Data::plane(
+        PlaneModel::Axisymmetric,
+        Dilatation::Pointwise,
+        false,
+    ));
     checked(Data::plane(PlaneModel::Axisymmetric, Dilatation::Mean, true));
     checked(Data::plane(PlaneModel::Axisymmetric, Dilatation::Mean, false));
 }
@@ -362,12 +393,174 @@ fn displacements_alone() {
         for (kind, delta) in directions(&firsts, random).iter().enumerate() {
             let change = found.jvp(delta).unwrap();
             let rate = [change.displacements, change.forces].concat();
-            close(&rate, &all(&mut expected, delta), 1e-7, &format!("parameters {kind}"));
+            close(
+                &rate,
+                &all(&mut expected, delta),
+                1e-7,
+                &format!("parameters {kind}"),
+            );
             let w = random.vector(rate.len(), 1.0);
             let gradient = found.vjp(&w[..n], &w[n..]).unwrap();
             let size: f64 = rate.iter().zip(&w).map(|(a, b)| (a * b).abs()).sum();
             let (forward, adjoint) = (dot(&rate, &w), dot(&gradient, delta));
-            assert!((forward - adjoint).abs() <= 1e-8 * size, "{kind}: {forward} {adjoint}");
+            assert!(
+                (forward - adjoint).abs() <= 1e-8 * size,
+                "{kind}: {forward} {adjoint}"
+            );
         }
     }
+}
+
+/// A body of three nodes: the first one at the limit of sticking, the second one just touching, the third one sticks. All numbers are
+/// exact in binary.
+struct Degenerate {
+    a: Matrix,
+    load: Vec<f64>,
+    gap: Vec<f64>,
+    friction: Vec<f64>,
+}
+
+impl Degenerate {
+    const FORCES: [[f64; 3]; 2] = [[1.0, 0.0, 2.0], [0.25, 0.0, 0.125]];
+    const MOTIONS: [[f64; 3]; 2] = [[0.0, 0.5, 0.25], [0.0, 0.375, 0.0]];
+
+    fn new(first: bool, second: bool) -> Self {
+        let rows = [
+            [8.0, 1.0, -2.0, 0.5, 0.0, 1.0],
+            [1.0, 9.0, 0.5, -1.0, 1.0, 0.0],
+            [-2.0, 0.5, 7.0, 1.0, 0.5, -1.0],
+            [0.5, -1.0, 1.0, 8.0, -0.5, 1.0],
+            [0.0, 1.0, 0.5, -0.5, 6.0, 0.25],
+            [1.0, 0.0, -1.0, 1.0, 0.25, 7.0],
+        ];
+        let a = Matrix::from_rows(&rows).unwrap();
+        // Normal and tangential component of each node, in turn.
+        let at = |of: [[f64; 3]; 2], k: usize| of[k % 2][k / 2];
+        let mut load: Vec<f64> = (0..6)
+            .map(|i| (0..6).map(|j| rows[i][j] * at(Self::MOTIONS, j)).sum::<f64>() + at(Self::FORCES, i))
+            .collect();
+        let mut gap = Self::MOTIONS[0].to_vec();
+        // Away from the kinks: the first node sticks firmly, the second one is open.
+        load[1] -= if first { 0.0 } else { 0.125 };
+        gap[1] += if second { 0.0 } else { 0.125 };
+        Self {
+            a,
+            load,
+            gap,
+            friction: vec![0.25; 3],
+        }
+    }
+
+    fn problem(&self) -> CondensedContact<PlanarCoulomb> {
+        let trace =
+            |d: usize| Matrix::from_triplets(3, 6, &[(0, d, 1.0), (1, 2 + d, 1.0), (2, 4 + d, 1.0)]).unwrap();
+        let load = LoadPath::constant(self.load.clone());
+        let body = ContactBody::new(self.a.clone(), trace(0), vec![trace(1)], load).unwrap();
+        let friction = FrictionCoefficient::nodal(self.friction.clone()).unwrap();
+        CondensedContact::new(
+            body.with_gap(self.gap.clone()).unwrap(),
+            PlanarCoulomb::new(friction),
+        )
+        .unwrap()
+    }
+
+    /// Loads, gaps, coefficients of friction.
+    fn changed(&self, delta: &[f64], s: f64) -> Self {
+        let moved = |old: &[f64], d: &[f64]| old.iter().zip(d).map(|(a, d)| a + s * d).collect();
+        Self {
+            a: self.a.clone(),
+            load: moved(&self.load, delta),
+            gap: moved(&self.gap, &delta[6..]),
+            friction: moved(&self.friction, &delta[9..]),
+        }
+    }
+
+    fn parameters(&self, empty: ContactParameters) -> ContactParameters {
+        let friction = FrictionCoefficient::nodal(self.friction.clone()).unwrap();
+        let law = PlanarCoulomb::new(friction.with_second(vec![1.0; 3]).unwrap());
+        let identity = Matrix::identity(3);
+        let made = empty
+            .with_loads(&Matrix::identity(6))
+            .and_then(|made| made.with_gaps(&identity));
+        made.and_then(|made| made.with_law(law, &identity)).unwrap()
+    }
+
+    fn full(&self) -> Vec<f64> {
+        let problem = self.problem();
+        let x = problem.solve(0.0, None).unwrap();
+        problem.expand(&x).unwrap()[..12].to_vec()
+    }
+}
+
+/// Where nodes are at the limit of sticking or just touch, derivatives along all directions are one-sided differences of both forms, and
+/// *differentiable* is said where the two sides agree in all directions.
+#[test]
+fn kinks_in_all_parameters() {
+    let random = &mut Random::new(9);
+    for (first, second) in [(true, false), (false, true), (true, true), (false, false)] {
+        let data = Degenerate::new(first, second);
+        let problem = data.problem();
+        let x = problem.solve(0.0, None).unwrap();
+        let y = problem.expand(&x).unwrap();
+        let parameters = data.parameters(problem.parameters());
+        let full = problem.full().unwrap();
+        let mut found = problem.sensitivity(&x, &parameters).unwrap();
+        let mut other = full.sensitivity(&y, &parameters).unwrap();
+        let known = found.differentiable().unwrap().known();
+        assert_eq!(known, other.differentiable().unwrap().known());
+        assert_eq!(known, Some(!first && !second), "{first} {second}");
+        let mut kinks = 0;
+        for _ in 0..20 {
+            let delta = random.vector(12, 1.0);
+            let mut sides = Vec::new();
+            for sign in [1.0, -1.0] {
+                let delta: Vec<f64> = delta.iter().map(|d| sign * d).collect();
+                let rate = all(&mut found, &delta);
+                close(&all(&mut other, &delta), &rate, 1e-12, "the full form");
+                // One-sided, of second order.
+                let step = 1e-6;
+                let (near, far) = (
+                    data.changed(&delta, step).full(),
+                    data.changed(&delta, 2.0 * step).full(),
+                );
+                let differences: Vec<f64> = (0..12)
+                    .map(|i| (4.0 * near[i] - far[i] - 3.0 * y[i]) / (2.0 * step))
+                    .collect();
+                close(&rate, &differences, 1e-8, "one side");
+                sides.push(rate);
+            }
+            let largest = sides[0].iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            kinks += usize::from((0..12).any(|i| (sides[0][i] + sides[1][i]).abs() > 1e-6 * largest));
+        }
+        assert_eq!(kinks > 0, first || second);
+        // An element of the generalised derivative: the same from both forms.
+        let w = random.vector(12, 1.0);
+        let [a, b] = [found.vjp(&w[..6], &w[6..]), other.vjp(&w[..6], &w[6..])].map(Result::unwrap);
+        close(&a, &b, 1e-11, "elements");
+    }
+}
+
+/// Along a change of loads and gaps the solutions are straight up to the next kink, and no further.
+#[test]
+fn ranges_end_at_the_next_kink() {
+    let data = Degenerate::new(false, false);
+    let problem = data.problem();
+    let x = problem.solve(0.0, None).unwrap();
+    let identity = Matrix::identity(3);
+    let parameters = problem.parameters().with_loads(&Matrix::identity(6)).unwrap();
+    let parameters = parameters.with_gaps(&identity).unwrap();
+    let mut found = problem.sensitivity(&x, &parameters).unwrap();
+    let mut delta = vec![0.0; 9];
+    // The open node's gap closes by 1/8.
+    delta[7] = -1.0;
+    let range = found.valid_until(&delta, 1.0).unwrap();
+    assert!(
+        matches!(range, semismooth::sensitivity::Validity::Exact(s) if (s - 0.125).abs() < 1e-12),
+        "{range}"
+    );
+    // Forces along t reach the limit after 1/8, whatever else they do: sticking nodes stay where they are.
+    let mut delta = vec![0.0; 9];
+    delta[1] = 1.0;
+    let range = found.valid_until(&delta, 1.0).unwrap().until();
+    assert!((range - 0.125).abs() < 1e-12, "{range}");
 }

@@ -117,7 +117,11 @@ impl<L: NodeLaw> ReducedContact<L> {
         displacements: &[f64],
         parameters: &ContactParameters,
     ) -> Result<ReducedSensitivity<'_>, ContactError> {
-        let (n, dim, p) = (self.body.num_displacements(), self.body.dim(), self.components.len());
+        let (n, dim, p) = (
+            self.body.num_displacements(),
+            self.body.dim(),
+            self.components.len(),
+        );
         parameters.check_sizes([n, p, dim])?;
         check_finite("the parameter", &[alpha])?;
         check_length("the displacements", displacements, n)?;
@@ -152,7 +156,9 @@ impl<L: NodeLaw> ReducedContact<L> {
         rest.iter_mut().zip(&load).for_each(|(r, f)| *r = f - *r);
         let values: Vec<LocalValues> = (0..p).map(|i| nodes.values(law, i, &u, |k| rest[k])).collect();
         let refused = |node: usize, piece: String| ContactError::Invalid {
-            what: format!("piece \"{piece}\" of node {node} does not determine its forces; use the full form"),
+            what: format!(
+                "piece \"{piece}\" of node {node} does not determine its forces; use the full form"
+            ),
         };
         let locals = values.iter().enumerate();
         let locals = locals.map(|(i, v)| Local::new(law, v).map_err(|piece| refused(i, piece)));
@@ -467,7 +473,8 @@ impl ReducedSensitivity<'_> {
             for facet in law.cell(self.nodes[i].node.piece) {
                 let (test, row) = (tests[facet.test()], &rows[facet.test()]);
                 let size = row.pressure.abs() + row.traction[0].abs() + row.traction[1].abs();
-                let error = ALLOWANCE * row.along(&moved).abs() + ROUNDINGS * largest * size.max(f64::MIN_POSITIVE);
+                let error =
+                    ALLOWANCE * row.along(&moved).abs() + ROUNDINGS * largest * size.max(f64::MIN_POSITIVE);
                 let margin = test.abs() / error.max(f64::MIN_POSITIVE);
                 self.margin = self.margin.min(margin);
                 if margin <= 1.0 && self.kink.is_none() {

@@ -1,5 +1,6 @@
 mod bodies;
 mod delassus;
+mod derivatives;
 mod displacements;
 mod forms;
 mod laws;
@@ -67,6 +68,7 @@ fn friction() {
     searches::searches(&mut t);
     delassus::delassus(&mut t);
     displacements::displacements(&mut t);
+    derivatives::derivatives(&mut t);
     t.exempt(&["contact::NodeLaw::check"], "asked by `solution` and `solve`");
     t.exempt(&["contact::Contact::solve_reported"], "called by `solve`");
     t.finish();
