@@ -151,6 +151,7 @@ fn of_every_build() -> Vec<&'static str> {
         "contact::Cohesive": contact::Cohesive<contact::PlanarCoulomb>,
         "contact::LimitedShear": contact::LimitedShear,
         "contact::HildRenard": contact::HildRenard,
+        "contact::HistorySensitivity": contact::HistorySensitivity<interface::CondensedView, PlanarCoulomb>,
         "contact::HildRenardBranch": contact::HildRenardBranch,
         "contact::HildRenardCase": contact::HildRenardCase,
         "contact::LoadPath": contact::LoadPath,

@@ -17,6 +17,7 @@ mod exported;
 #[cfg(feature = "json")]
 mod folder;
 mod forms;
+mod history;
 mod law;
 mod multipliers;
 mod parameters;
@@ -46,6 +47,7 @@ pub use evolution::{Arrival, EvolutionOptions, EvolutionProgress, EvolutionStep,
 #[cfg(feature = "json")]
 pub use folder::{DiscreteFolder, read_folder};
 pub use forms::{ContactEquilibrium, ContactForm, ContactProblem};
+pub use history::HistorySensitivity;
 pub use law::{
     Bonded, Cohesive, ContactState, FrictionCoefficient, FrictionCurve, Frictionless, GivenBound,
     LimitedShear, LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, MultiplierCoulomb, NodeLaw,

@@ -157,6 +157,18 @@ impl ContactParameters {
         Ok(self)
     }
 
+    /// These and, behind them, the tangential displacements from which slips are measured; none needs to enter.
+    pub(super) fn with_references(&self) -> Self {
+        let mut made = self.clone();
+        let [_, p, directions] = self.sizes;
+        let references = p * (directions - 1);
+        made.equilibrium.extend((0..self.count).map(|j| (0, j, 0.0)));
+        let columns = (0..references).map(|k| (p + k, self.count + k, -1.0));
+        made.traces.extend(columns);
+        made.count += references;
+        made
+    }
+
     fn check(&self, what: &'static str, columns: &Matrix, rows: usize) -> Result<(), ContactError> {
         if columns.nrows() != rows {
             return Err(ContactError::Shape {

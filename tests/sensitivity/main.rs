@@ -6,6 +6,7 @@ mod random;
 
 mod contact;
 mod exact;
+mod history;
 mod kinks;
 mod parameters;
 mod ranges;

@@ -28,7 +28,7 @@ pub struct Data {
     /// E and ν of the left and of the right part.
     materials: [[f64; 2]; 2],
     motion: f64,
-    alpha: f64,
+    pub alpha: f64,
     push: f64,
     load: Vec<f64>,
     gap: Vec<f64>,
@@ -166,7 +166,7 @@ impl Data {
         LoadPath::affine(constant, push)
     }
 
-    fn body(&self) -> ContactBody {
+    pub fn body(&self) -> ContactBody {
         let (system, rows) = self.system();
         let gap = rows.gap.iter().zip(&self.gap).map(|(a, b)| a + b).collect();
         let body = semismooth::contact_body(&system, &rows, self.load(&system)).unwrap();
@@ -184,7 +184,7 @@ impl Data {
         }
     }
 
-    fn condensed(&self) -> CondensedContact<Law> {
+    pub fn condensed(&self) -> CondensedContact<Law> {
         CondensedContact::new(self.body(), self.law(false)).unwrap()
     }
 

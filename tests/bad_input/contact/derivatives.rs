@@ -63,7 +63,57 @@ pub(super) fn derivatives(t: &mut Table) {
         one.with_law(law(0.3), &Matrix::identity(1))
     });
     solutions(t);
+    histories(t);
     reduced(t);
+}
+
+fn histories(t: &mut Table) {
+    let new = "contact::Contact::history_sensitivity";
+    let x = full().solve(0.0, None).unwrap();
+    let chosen = || parameters(full().parameters());
+    let found = || full().history_sensitivity(&[x.clone()], &[chosen()]).unwrap();
+    t.refuses(new, "no states", "no states", || {
+        full().history_sensitivity(&[], &[]).map(drop)
+    });
+    t.refuses(new, "a short state", "state", || {
+        full()
+            .history_sensitivity(&[x[1..].to_vec()], &[chosen()])
+            .map(drop)
+    });
+    t.refuses(new, "no list for the second level", "levels", || {
+        full()
+            .history_sensitivity(&[x.clone(), x.clone()], &[chosen()])
+            .map(drop)
+    });
+    t.refuses(new, "lists of two lengths", "levels", || {
+        let lists = [chosen(), full().parameters()];
+        full()
+            .history_sensitivity(&[x.clone(), x.clone()], &lists)
+            .map(drop)
+    });
+    for bad in BAD {
+        t.refuses("contact::HistorySensitivity::jvp", "δ", "parameters[1]", || {
+            found().jvp(&[0.0, bad])
+        });
+        t.refuses(
+            "contact::HistorySensitivity::vjp",
+            "w",
+            "displacements[0]",
+            || found().vjp(&[bad, 0.0], &[0.0; 2]),
+        );
+    }
+    t.refuses(
+        "contact::HistorySensitivity::differentiable",
+        "no solution",
+        "no solution",
+        || {
+            let states = [vec![9.0, 9.0, 9.0, 9.0, 0.0]];
+            full()
+                .history_sensitivity(&states, &[chosen()])
+                .unwrap()
+                .differentiable()
+        },
+    );
 }
 
 fn solutions(t: &mut Table) {
