@@ -39,8 +39,8 @@ impl Deref for Cause {
     }
 }
 
-impl From<io::Error> for Cause {
-    fn from(error: io::Error) -> Self {
+impl<E: Error + Send + Sync + 'static> From<E> for Cause {
+    fn from(error: E) -> Self {
         Self::new(error)
     }
 }

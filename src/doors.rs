@@ -11,6 +11,7 @@ use crate::continuation::{
     Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction,
 };
 use crate::enumeration::{EnumerationError, EnumerationOptions, SolutionSet};
+use crate::optimise::{Bundle, BundleReport, Implicit, OptimiseError};
 use crate::piecewise::{Expression, Formula, PiecewiseSmooth, Traced};
 use crate::sensitivity::{Sensitivity, SensitivityError};
 use crate::sparse::Matrix;
@@ -302,6 +303,76 @@ where
     let report = ConeSolver::default().solve(&problem, &mut x)?;
     let is_solved = report.is_solved();
     solved(x, report, is_solved)
+}
+
+/// Minimises f(x(p), p) over the parameters p in a polyhedron, where x(p) solves the mixed complementarity problem of F(x, p) and the bounds l
+/// ≤ x ≤ u, from the start (x₀, p₀). The solution's `x` are the parameters; x(p) is the `state` of its report. F and f may have kinks of
+/// their own.
+///
+/// What is found is stationary in the sense of Clarke to the tolerance, near the start: see [`optimise`](crate::optimise), which also has
+/// options and observers.
+///
+/// ```
+/// use semismooth::variational::Polyhedron;
+/// // A leader sells p, a follower q: 0 ≤ q ⟂ 2 q + p − 10 ≥ 0. The leader's profit p (10 − p − q) is largest where he keeps the follower in
+/// // the market, p = 5, q = 5/2.
+/// let found = semismooth::minimise(
+///     |x, p| p[0] * (p[0] + x[0] - 10.0),
+///     |x, p| vec![2.0 * x[0] + p[0] - 10.0],
+///     [&[0.0], &[f64::INFINITY]],
+///     &Polyhedron::boxed(vec![0.0], vec![20.0])?,
+///     (&[1.0], &[1.0]),
+/// )?;
+/// assert!((found.x[0] - 5.0).abs() < 1e-6 && (found.report.state[0] - 2.5).abs() < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// As [`Implicit::new`] and [`Bundle::minimise`]; that the run ended before a stationary point, with the best point.
+pub fn minimise<O, F>(
+    objective: O,
+    function: F,
+    [lower, upper]: [&[f64]; 2],
+    set: &Polyhedron,
+    (x0, p0): (&[f64], &[f64]),
+) -> Result<Solution<BundleReport>, SolveError<OptimiseError, BundleReport>>
+where
+    O: for<'a> FnOnce(&[Expression<'a>], &[Expression<'a>]) -> Expression<'a>,
+    F: for<'a> Fn(&[Expression<'a>], &[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    let mut objective = implicit(objective, function, [lower, upper], x0, p0.len())?;
+    let (x, report) = Bundle::default().minimise(set, p0, &mut objective)?;
+    let is_solved = report.is_solved();
+    solved(x, report, is_solved)
+}
+
+/// The function f(x(p), p) of [`minimise`], for a [`Bundle`] with options or an observer.
+///
+/// # Errors
+/// As [`Implicit::new`].
+pub fn implicit<O, F>(
+    objective: O,
+    function: F,
+    [lower, upper]: [&[f64]; 2],
+    x0: &[f64],
+    num_parameters: usize,
+) -> Result<Implicit<Autodiff<Formula>, Traced<Formula>, Autodiff<Formula>>, OptimiseError>
+where
+    O: for<'a> FnOnce(&[Expression<'a>], &[Expression<'a>]) -> Expression<'a>,
+    F: for<'a> Fn(&[Expression<'a>], &[Expression<'a>]) -> Vec<Expression<'a>>,
+{
+    let (n, m) = (lower.len(), lower.len() + num_parameters);
+    let map = parametric_mcp(num_parameters, &function, lower, upper)?;
+    let function = Autodiff::new(Formula::new(m, |all| {
+        let (x, p) = all.split_at(n);
+        function(x, p)
+    }));
+    let problem = Mcp::with_parameters(function, lower.to_vec(), upper.to_vec())?;
+    let objective = Autodiff::new(Formula::new(m, |all| {
+        let (x, p) = all.split_at(n);
+        vec![objective(x, p)]
+    }));
+    Implicit::new(problem, map, objective, x0)
 }
 
 /// Follows the curve of solutions of n equations in n unknowns and a parameter, the last variable, from a point x₀ on it or near it.

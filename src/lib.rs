@@ -17,6 +17,7 @@
 //! | [`fem`], [`contact`] | linear elasticity on meshes, Coulomb friction in the plane and in space |
 //! | [`output`] | tables, JSON, pictures, VTU |
 //! | [`sensitivity`] | derivatives of solutions in parameters, one-sided ones at kinks |
+//! | [`optimise`] | functions of solutions minimised over parameters |
 //! | [`linear`], [`sparse`] | linear solvers behind one trait, sparse matrices |
 //! | [`sweep`] | many problems at once |
 //! | [`fallible`] | functions that may fail: their errors come back unchanged |
@@ -49,6 +50,7 @@ pub mod interface;
 mod judge;
 pub mod linear;
 pub mod newton;
+pub mod optimise;
 mod options;
 pub mod output;
 mod parallel;
@@ -66,8 +68,8 @@ pub use bodies::{contact_body, contact_problem, reduced_body};
 pub use cause::Cause;
 #[cfg(feature = "autodiff")]
 pub use doors::{
-    McpResult, Solution, SolveError, ViResult, all_solutions, diagram, follow, parametric, parametric_mcp,
-    solve, solve_cone, solve_lcp, solve_mcp, solve_qp, solve_vi,
+    McpResult, Solution, SolveError, ViResult, all_solutions, diagram, follow, implicit, minimise,
+    parametric, parametric_mcp, solve, solve_cone, solve_lcp, solve_mcp, solve_qp, solve_vi,
 };
 pub use words::UnknownName;
 

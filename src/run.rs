@@ -4,24 +4,25 @@
 //!
 //! | status | given by |
 //! |---|---|
-//! | [`Solved`] | all; [`Newton`] and [`NewtonKrylov`] return a [`Convergence`](crate::newton::Convergence) in its place, else an error with the status |
+//! | [`Solved`] | all, of [`Bundle`] stationary in the sense of Clarke to the tolerance; [`Newton`] and [`NewtonKrylov`] return a [`Convergence`](crate::newton::Convergence) in its place, else an error with the status |
 //! | [`AtRounding`] | [`McpSolver`], [`ViSolver`] |
 //! | [`NoSolution`] | [`McpSolver`] (a vector, or all active sets ruled out), [`ViSolver`], [`ConeSolver`], [`Lemke`] (rays) |
 //! | [`EmptySet`] | [`ViSolver`] (multipliers of Farkas' lemma) |
 //! | [`Unbounded`] | [`McpSolver`], [`ViSolver`] |
 //! | [`Ray`] | [`Lemke`] |
 //! | [`Stationary`] | [`McpSolver`], [`ViSolver`], [`Newton`] |
-//! | [`Stalled`] | [`McpSolver`], [`ViSolver`], [`ConeSolver`], [`DelassusSolver`], [`Newton`], [`NewtonKrylov`]; [`Krylov`] (GMRES between restarts) |
+//! | [`Stalled`] | [`McpSolver`], [`ViSolver`], [`ConeSolver`], [`DelassusSolver`], [`Newton`], [`NewtonKrylov`], [`Bundle`]; [`Krylov`] (GMRES between restarts) |
 //! | [`Cycling`] | [`Newton`] (selections that come back) |
 //! | [`Singular`] | [`Newton`], [`ActiveSetSolver`] (reduced matrices), [`Krylov`] (the matrix or the preconditioner) |
 //! | [`FarOut`] | [`Newton`] |
-//! | [`Inaccurate`] | [`ActiveSetSolver`], [`Lemke`] (the basis), [`NewtonKrylov`] (the preconditioner is not finite) |
+//! | [`Inaccurate`] | [`Bundle`] (its quadratic programs), [`ActiveSetSolver`], [`Lemke`] (the basis), [`NewtonKrylov`] (the preconditioner is not finite) |
 //! | [`Linear`] | [`NewtonKrylov`] |
-//! | [`EvaluationFailure`] | [`McpSolver`], [`ViSolver`], [`ConeSolver`], [`Newton`], [`NewtonKrylov`] |
+//! | [`EvaluationFailure`] | [`Bundle`], [`McpSolver`], [`ViSolver`], [`ConeSolver`], [`Newton`], [`NewtonKrylov`] |
 //! | [`IterationLimit`] | all; of [`DelassusSolver`] on factorisations, of [`Lemke`] on exchanges |
-//! | [`TimeLimit`] | [`McpSolver`], [`ViSolver`], [`ConeSolver`], [`DelassusSolver`]; searches of [`contact`](crate::contact) |
+//! | [`TimeLimit`] | [`Bundle`], [`McpSolver`], [`ViSolver`], [`ConeSolver`], [`DelassusSolver`]; searches of [`contact`](crate::contact) |
 //! | [`Interrupted`] | all but [`Krylov`] |
 //!
+//! [`Bundle`]: crate::optimise::Bundle
 //! [`McpSolver`]: crate::complementarity::McpSolver
 //! [`ViSolver`]: crate::variational::ViSolver
 //! [`ConeSolver`]: crate::cones::ConeSolver

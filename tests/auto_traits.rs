@@ -347,6 +347,13 @@ fn of_every_build() -> Vec<&'static str> {
         "variational::ViReport": variational::ViReport,
         "variational::ViSolutions": variational::ViSolutions,
         "variational::ViSolver": variational::ViSolver,
+        "optimise::Bundle": optimise::Bundle,
+        "optimise::BundleIteration": optimise::BundleIteration,
+        "optimise::BundleOptions": optimise::BundleOptions,
+        "optimise::BundleReport": optimise::BundleReport,
+        "optimise::BundleStep": optimise::BundleStep,
+        "optimise::Implicit": optimise::Implicit<F, Map, F>,
+        "optimise::OptimiseError": optimise::OptimiseError,
         "run::Status": run::Status,
         "sensitivity::DerivativeDoubt": sensitivity::DerivativeDoubt,
         "sensitivity::Differentiability": sensitivity::Differentiability,
@@ -470,6 +477,7 @@ fn errors_are_data() {
     error::<semismooth::interface::InterfaceError>();
     error::<semismooth::linear::LinearError>();
     error::<semismooth::newton::NewtonError>();
+    error::<semismooth::optimise::OptimiseError>();
     error::<semismooth::output::OutputError>();
     #[cfg(feature = "svg")]
     error::<semismooth::output::ReportError>();

@@ -32,6 +32,7 @@
 //! | all branches | [`diagram`](crate::diagram) | `ss.diagram(H, starts, ...)` |
 //! | all solutions | [`all_solutions`](crate::all_solutions) | `ss.all_solutions(H)` |
 //! | derivatives of a solution in parameters | [`Solution::sensitivity`](crate::Solution::sensitivity) | `ss.solve_mcp(..., params=p)`, `ss.sensitivity(F, x, p)` |
+//! | f(x(p), p) minimised over p | [`minimise`](crate::minimise) | `ss.minimise(f, F, ...)` |
 //! | contact from a mesh | [`contact_problem`](crate::contact_problem) | `ss.ContactProblem(...)` |
 //!
 //! ```

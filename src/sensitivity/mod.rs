@@ -109,7 +109,20 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
     /// enters nowhere ([`SensitivityError::NotEntering`]); a point that is no solution
     /// ([`SensitivityError::NoSolution`]) or an irregular one ([`SensitivityError::Irregular`]).
     pub fn new(map: P, x: &[f64], parameters: &[f64]) -> Result<Self, SensitivityError> {
-        let solved = Solved::new(&map, x, parameters)?;
+        Self::solved(map, x, parameters, false)
+    }
+
+    /// [`new`](Self::new), where parameters may enter nowhere, as those of an objective alone.
+    pub(crate) fn with_idle_parameters(
+        map: P,
+        x: &[f64],
+        parameters: &[f64],
+    ) -> Result<Self, SensitivityError> {
+        Self::solved(map, x, parameters, true)
+    }
+
+    fn solved(map: P, x: &[f64], parameters: &[f64], may_be_idle: bool) -> Result<Self, SensitivityError> {
+        let solved = Solved::new(&map, x, parameters, may_be_idle)?;
         Ok(Self {
             map,
             solved,

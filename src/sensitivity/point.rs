@@ -72,6 +72,7 @@ impl Solved {
         map: &dyn PiecewiseSmooth,
         x: &[f64],
         parameters: &[f64],
+        may_be_idle: bool,
     ) -> Result<Self, SensitivityError> {
         let (m, n) = (map.num_vars(), map.num_residuals());
         if m <= n {
@@ -88,7 +89,9 @@ impl Solved {
         let mut at = x.to_vec();
         at.extend(parameters);
         let layout = TestLayout::new(map);
-        check_entering(map, &at, &layout)?;
+        if !may_be_idle {
+            check_entering(map, &at, &layout)?;
+        }
         let widths = polish(map, &layout, &mut at)?;
         let theta = tests(map, &layout, &at)?;
         let hidden = hidden(map, &layout, &at, &spreads(&at, &widths), None);

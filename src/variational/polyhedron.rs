@@ -1,6 +1,6 @@
 use super::VariationalError;
 use super::error::{check_finite, check_length};
-use super::projection::{Projection, project};
+use super::projection::{Multipliers, Projection, project};
 use crate::complementarity::ComplementarityError;
 use crate::sparse::Matrix;
 
@@ -193,5 +193,33 @@ impl Polyhedron {
     pub fn project(&self, x: &[f64]) -> Result<Projection, VariationalError> {
         check_finite("x", x, self.dimension())?;
         project(self, x)
+    }
+
+    /// The rows of A x ≤ b with b, then those of E x = d with d, each by its entries (column, value).
+    pub(crate) fn rows(&self) -> [Vec<(Vec<(usize, f64)>, f64)>; 2] {
+        [&self.a, &self.e].map(|rows| {
+            (0..rows.len())
+                .map(|i| (rows.row(i).collect(), rows.right[i]))
+                .collect()
+        })
+    }
+
+    /// Adds the normal with these multipliers, Aᵀλ + Eᵀμ − ρₗ + ρᵤ, and returns the sum of their products with the slacks at x.
+    pub(crate) fn add_normal(&self, x: &[f64], multipliers: &Multipliers, out: &mut [f64]) -> f64 {
+        let mut products = 0.0;
+        for (i, w) in multipliers.inequalities.iter().enumerate() {
+            self.a.row(i).for_each(|(j, v)| out[j] += w * v);
+            products += w * (self.a.right[i] - self.a.at(i, x)).max(0.0);
+        }
+        for (i, w) in multipliers.equations.iter().enumerate() {
+            self.e.row(i).for_each(|(j, v)| out[j] += w * v);
+        }
+        for j in 0..x.len() {
+            let (l, u) = (multipliers.lower[j], multipliers.upper[j]);
+            out[j] += u - l;
+            products += if l > 0.0 { l * (x[j] - self.lower[j]) } else { 0.0 };
+            products += if u > 0.0 { u * (self.upper[j] - x[j]) } else { 0.0 };
+        }
+        products
     }
 }

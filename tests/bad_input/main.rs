@@ -14,6 +14,7 @@ mod interface;
 mod linear;
 mod named;
 mod newton;
+mod optimise;
 mod output;
 mod piecewise;
 mod sensitivity;

@@ -1,0 +1,363 @@
+//! The run of the proximal bundle method.
+
+use std::ops::ControlFlow;
+
+use super::model::{Direction, Model, Plane};
+use super::{BundleIteration, BundleOptions, BundleReport, BundleStep, Objective, OptimiseError};
+use crate::Cause;
+use crate::clock::Clock;
+use crate::run::Status;
+use crate::sparse::{dot, max_abs, norm};
+use crate::variational::{Multipliers, Polyhedron, Projection};
+
+/// Part of the predicted decrease that a step to a better point has to reach, part up to which the slope at a new gradient has to come, and
+/// the step from which on the first alone suffices: any 0 < a < b < 1 and 0 < c ≤ 1 will do for the theory.
+const DECREASE: f64 = 0.01;
+const SLOPE: f64 = 0.5;
+const LONG: f64 = 0.05;
+/// The curvature γ of the locality measure in units of the first weight u: any positive number will do for the theory.
+const CURVATURE: f64 = 0.05;
+/// Factor by which one change of the weight is limited, and a bound of all of them together.
+const CHANGE: f64 = 10.0;
+const RANGE: f64 = 1e10;
+/// Evaluations of one search along a direction: halving reaches rounding.
+const TRIALS: usize = 60;
+
+/// A point with the value and the gradient there.
+struct Sample {
+    point: Vec<f64>,
+    value: f64,
+    gradient: Vec<f64>,
+}
+
+/// The result of a search along a direction: where to go, with the step there, and a second point whose gradient the model lacks.
+struct Found {
+    best: Option<(f64, Sample)>,
+    ahead: Option<Sample>,
+    /// f after the full step, if it was defined there.
+    full: Option<f64>,
+}
+
+pub(super) struct Run<'a> {
+    set: &'a Polyhedron,
+    options: &'a BundleOptions,
+    objective: &'a mut dyn Objective,
+    clock: Clock,
+    here: Sample,
+    model: Model,
+    /// u, with its first value.
+    weight: f64,
+    first_weight: f64,
+    /// Steps in a row, negative ones that stayed.
+    counter: i32,
+    largest_value: f64,
+    report: BundleReport,
+}
+
+impl<'a> Run<'a> {
+    pub(super) fn new(
+        set: &'a Polyhedron,
+        options: &'a BundleOptions,
+        start: &[f64],
+        objective: &'a mut dyn Objective,
+    ) -> Result<Self, OptimiseError> {
+        options.validate()?;
+        let clock = Clock::start();
+        let point = match set.project(start)? {
+            Projection::Nearest(nearest) => nearest.x,
+            Projection::Empty(certificate) => return Err(OptimiseError::EmptySet(Box::new(certificate))),
+        };
+        let mut gradient = vec![0.0; point.len()];
+        let value = sampled(objective, &point, &mut gradient);
+        let value = value.map_err(|source| OptimiseError::Start { source })?;
+        objective.keep();
+        let mut run = Self {
+            set,
+            options,
+            objective,
+            clock,
+            model: Model::new(options.max_bundle),
+            weight: norm(&gradient) / first_step(set, options, &point),
+            first_weight: 0.0,
+            counter: 0,
+            largest_value: value.abs(),
+            report: BundleReport {
+                status: Status::IterationLimit,
+                value,
+                state: Vec::new(),
+                subgradient: Vec::new(),
+                subgradient_norm: 0.0,
+                gradient_norm: norm(&gradient),
+                error: 0.0,
+                radius: 0.0,
+                multipliers: Multipliers::default(),
+                iterations: 0,
+                evaluations: 1,
+                failures: 0,
+                trouble: None,
+                history: Vec::new(),
+                time: std::time::Duration::ZERO,
+            },
+            here: Sample {
+                point,
+                value,
+                gradient,
+            },
+        };
+        run.first_weight = run.weight;
+        run.model.curvature = CURVATURE * run.weight;
+        run.model.add(Plane::new(run.here.gradient.clone(), 0.0, 0.0));
+        Ok(run)
+    }
+
+    /// Runs, and returns the best point with the report.
+    pub(super) fn run(
+        mut self,
+        observe: &mut dyn FnMut(&BundleIteration) -> ControlFlow<()>,
+    ) -> Result<(Vec<f64>, BundleReport), OptimiseError> {
+        let status = self.iterate(observe)?;
+        self.report.status = status;
+        self.report.value = self.here.value;
+        self.report.time = self.clock.elapsed();
+        Ok((self.here.point, self.report))
+    }
+
+    fn iterate(
+        &mut self,
+        observe: &mut dyn FnMut(&BundleIteration) -> ControlFlow<()>,
+    ) -> Result<Status, OptimiseError> {
+        for index in 0..self.options.max_iterations {
+            let Some(direction) = self.direction()? else {
+                return Ok(Status::Inaccurate);
+            };
+            self.report.iterations = index + 1;
+            self.certify(&direction);
+            let mut line = BundleIteration {
+                index,
+                value: self.here.value,
+                subgradient_norm: direction.norm,
+                error: direction.error,
+                weight: self.weight,
+                evaluations: self.report.evaluations,
+                step: BundleStep::None,
+            };
+            let is_flat = direction.norm <= self.options.tolerance * self.report.gradient_norm;
+            let is_close = direction.error <= self.options.value_tolerance * self.largest_value;
+            let ended = match is_flat && is_close {
+                true => Err(Status::Solved),
+                false => self.search(&direction),
+            };
+            match ended {
+                Ok(found) => line.step = self.take(&direction, found),
+                Err(status) => {
+                    self.report.history.push(line);
+                    // The observer hears of the last iterate, too.
+                    let _ = observe(&line);
+                    return Ok(status);
+                }
+            }
+            self.report.history.push(line);
+            if observe(&line).is_break() {
+                return Ok(Status::Interrupted);
+            }
+        }
+        Ok(Status::IterationLimit)
+    }
+
+    /// The minimum of the model; of the plane at the iterate alone where rounding defeats the quadratic program.
+    fn direction(&mut self) -> Result<Option<Direction>, OptimiseError> {
+        let (n, own) = (self.here.point.len(), norm(&self.here.gradient));
+        if own == 0.0 {
+            return Ok(Some(Direction::none(n)));
+        }
+        let size = own.max(self.options.tolerance * self.report.gradient_norm);
+        let minimum = |model: &mut Model| model.minimum(self.set, &self.here.point, self.weight, size);
+        let found = minimum(&mut self.model)?;
+        if found.is_some() {
+            return Ok(found);
+        }
+        self.model.planes = vec![Plane::new(self.here.gradient.clone(), 0.0, 0.0)];
+        Ok(minimum(&mut self.model)?)
+    }
+
+    fn certify(&mut self, direction: &Direction) {
+        let report = &mut self.report;
+        report.subgradient.clone_from(&direction.subgradient);
+        report.subgradient_norm = direction.norm;
+        report.error = direction.error;
+        report.radius = direction.radius;
+        report.multipliers.clone_from(&direction.multipliers);
+    }
+
+    /// f at θ + t d; `None` where it has no value or gradient.
+    fn sample(&mut self, d: &[f64], t: f64) -> Option<Sample> {
+        let (lower, upper) = (self.set.lower(), self.set.upper());
+        let step = self.here.point.iter().zip(d).map(|(x, d)| x + t * d);
+        // Bounds that are met but for rounding are met.
+        let at_bound = |x: f64, b: f64| b.is_finite() && (x - b).abs() <= 4.0 * f64::EPSILON * b.abs();
+        let point: Vec<f64> = (step.zip(lower).zip(upper))
+            .map(|((x, l), u)| match () {
+                () if x < *l || at_bound(x, *l) => *l,
+                () if x > *u || at_bound(x, *u) => *u,
+                () => x,
+            })
+            .collect();
+        let mut gradient = vec![0.0; point.len()];
+        self.report.evaluations += 1;
+        match sampled(self.objective, &point, &mut gradient) {
+            Ok(value) => {
+                self.report.gradient_norm = self.report.gradient_norm.max(norm(&gradient));
+                Some(Sample {
+                    point,
+                    value,
+                    gradient,
+                })
+            }
+            Err(cause) => {
+                self.report.failures += 1;
+                self.report.trouble = Some(cause);
+                None
+            }
+        }
+    }
+
+    /// The two-point search of K. C. Kiwiel (1985) and M. M. Mäkelä, P. Neittaanmäki (1992): a step that decreases f enough, or a gradient
+    /// nearby that the model lacks. It ends where f is semismooth.
+    fn search(&mut self, direction: &Direction) -> Result<Found, Status> {
+        let d = &direction.step;
+        let predicted = self.weight * dot(d, d) + direction.error;
+        let (length, here) = (norm(d), self.here.value);
+        let (mut low, mut high, mut t) = (0.0, 1.0, 1.0);
+        let mut found = Found {
+            best: None,
+            ahead: None,
+            full: None,
+        };
+        for trial in 0..TRIALS {
+            if self
+                .options
+                .max_time
+                .is_some_and(|limit| self.clock.elapsed() >= limit)
+            {
+                return Err(Status::TimeLimit);
+            }
+            let sample = self.sample(d, t);
+            if trial == 0 {
+                found.full = sample.as_ref().map(|s| s.value);
+            }
+            match sample {
+                None => high = t,
+                Some(sample) if sample.value <= here - DECREASE * t * predicted => {
+                    self.objective.keep();
+                    let slope = dot(&sample.gradient, d);
+                    low = t;
+                    found.best = Some((t, sample));
+                    if low >= LONG || slope >= -SLOPE * predicted {
+                        return Ok(found);
+                    }
+                }
+                Some(sample) => {
+                    high = t;
+                    let slope = dot(&sample.gradient, d);
+                    let centre = found.best.as_ref().map_or(here, |(_, s)| s.value);
+                    let error = centre - sample.value + (t - low) * slope;
+                    let apart = (t - low) * length;
+                    let locality = error.abs().max(self.model.curvature * apart * apart);
+                    if slope - locality >= -SLOPE * predicted {
+                        found.ahead = Some(sample);
+                        return Ok(found);
+                    }
+                }
+            }
+            t = 0.5 * (low + high);
+            if (high - low) * length <= f64::EPSILON * max_abs(&self.here.point) {
+                break;
+            }
+        }
+        // A better point is progress in any case.
+        if found.best.is_some() {
+            return Ok(found);
+        }
+        Err(match self.report.failures {
+            0 => Status::Stalled,
+            _ if found.full.is_none() => Status::EvaluationFailure { component: 0 },
+            _ => Status::Stalled,
+        })
+    }
+
+    /// Moves, and enriches the model.
+    fn take(&mut self, direction: &Direction, found: Found) -> BundleStep {
+        let predicted = self.weight * dot(&direction.step, &direction.step) + direction.error;
+        let gained = found.full.map(|f| (self.here.value - f) / predicted);
+        let step = match &found.best {
+            None => BundleStep::Null,
+            Some((t, _)) if *t < LONG => BundleStep::Short,
+            Some(_) => BundleStep::Serious,
+        };
+        if let Some((_, best)) = found.best {
+            let d = difference(&best.point, &self.here.point);
+            self.model.moved(&d, best.value - self.here.value);
+            self.model.add(Plane::new(best.gradient.clone(), 0.0, 0.0));
+            self.largest_value = self.largest_value.max(best.value.abs());
+            self.here = best;
+        }
+        let mut error = 0.0;
+        if let Some(ahead) = found.ahead {
+            let d = difference(&ahead.point, &self.here.point);
+            error = self.here.value - ahead.value + dot(&ahead.gradient, &d);
+            self.model.add(Plane::new(ahead.gradient, error, norm(&d)));
+        }
+        self.reweigh(step, gained, error.abs() > CHANGE * predicted);
+        step
+    }
+
+    /// The weight after K. C. Kiwiel, Math. Program. 46 (1990): from a parabola through f at both ends of the full step, which gained that
+    /// part of what was predicted.
+    fn reweigh(&mut self, step: BundleStep, gained: Option<f64>, is_far: bool) {
+        let parabola = gained.map(|gained| 2.0 * self.weight * (1.0 - gained));
+        let stays = step == BundleStep::Null;
+        let next = match (stays, parabola) {
+            (_, None) => CHANGE * self.weight,
+            (false, Some(u)) if self.counter > 0 && gained >= Some(SLOPE) => u,
+            (false, Some(_)) if self.counter > 3 => 0.5 * self.weight,
+            (true, Some(u)) if self.counter < -3 && is_far => u,
+            _ => self.weight,
+        };
+        let (least, most) = (self.first_weight / RANGE, self.first_weight * RANGE);
+        let next = next
+            .clamp(self.weight / CHANGE, self.weight * CHANGE)
+            .max(least)
+            .min(most);
+        self.counter = match (stays, next == self.weight) {
+            (false, true) => self.counter.max(0) + 1,
+            (true, true) => self.counter.min(0) - 1,
+            (false, false) => 1,
+            (true, false) => -1,
+        };
+        self.weight = next;
+    }
+}
+
+fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+/// A value and a gradient that are finite.
+fn sampled(objective: &mut dyn Objective, point: &[f64], gradient: &mut [f64]) -> Result<f64, Cause> {
+    let value = objective.evaluate(point, gradient)?;
+    match value.is_finite() && gradient.iter().all(|g| g.is_finite()) {
+        true => Ok(value),
+        false => Err(Cause::new(OptimiseError::NotFinite)),
+    }
+}
+
+fn first_step(set: &Polyhedron, options: &BundleOptions, point: &[f64]) -> f64 {
+    let widths = set.lower().iter().zip(set.upper()).map(|(l, u)| u - l);
+    let widest = widths.filter(|w| w.is_finite()).fold(0.0, f64::max);
+    let size = max_abs(point);
+    options.step.unwrap_or(match () {
+        () if widest > 0.0 => 0.1 * widest,
+        () if size > 0.0 => 0.1 * size,
+        () => 0.1,
+    })
+}

@@ -1,0 +1,115 @@
+use std::time::Duration;
+
+use super::{Objective, OptimiseError};
+use crate::Cause;
+use crate::complementarity::{ComplementarityError, Mcp, McpFunction, McpOptions, McpSolver};
+use crate::piecewise::PiecewiseSmooth;
+use crate::sensitivity::Sensitivity;
+use crate::sparse::Matrix;
+
+/// The function f(x(θ), θ), where x(θ) solves a complementarity problem with the parameters θ.
+///
+/// Each evaluation solves the problem, from the solution at the point that was kept last, and takes the gradient by one adjoint solve. At
+/// kinks it is an element of the generalised derivative, in the sense of [`Sensitivity::vjp`]; where the solutions are not known to be one
+/// function of θ near a point there is none, and the bundle method avoids the point.
+#[derive(Debug, Clone)]
+pub struct Implicit<F, P, O> {
+    problem: Mcp<F>,
+    map: P,
+    objective: O,
+    solver: McpSolver,
+    last: Vec<f64>,
+    kept: Vec<f64>,
+}
+
+impl<F: McpFunction, P: PiecewiseSmooth, O: McpFunction> Implicit<F, P, O> {
+    /// The function f (one value of the unknowns x and behind them the parameters) of the solutions of a problem
+    /// [with parameters](Mcp::with_parameters), which is solved from `x0` first. `map` has the same solutions and gives their derivatives: a
+    /// copy of the problem, where its function is smooth, or [`parametric_mcp`](crate::parametric_mcp).
+    ///
+    /// # Errors
+    /// Numbers of variables, parameters or values that do not fit; an `x0` of the wrong length or not finite.
+    pub fn new(problem: Mcp<F>, map: P, objective: O, x0: &[f64]) -> Result<Self, OptimiseError> {
+        let (n, m) = (problem.len(), problem.function().num_vars());
+        let lengths = [
+            ("x0", n, x0.len()),
+            ("the variables of the map", m, map.num_vars()),
+            ("the residual of the map", n, map.num_residuals()),
+            ("the variables of the objective", m, objective.num_vars()),
+            ("the value of the objective", 1, objective.num_values()),
+        ];
+        for (what, expected, found) in lengths {
+            if found != expected {
+                return Err(OptimiseError::Length {
+                    what,
+                    expected,
+                    found,
+                });
+            }
+        }
+        if let Some(index) = x0.iter().position(|x| !x.is_finite()) {
+            let value = x0[index];
+            let what = "x0";
+            return Err(ComplementarityError::NotFinite { what, index, value }.into());
+        }
+        Ok(Self {
+            problem,
+            map,
+            objective,
+            solver: McpSolver::default(),
+            last: x0.to_vec(),
+            kept: x0.to_vec(),
+        })
+    }
+
+    /// Sets the largest wall-clock time of one solve.
+    #[must_use]
+    pub fn with_max_time(mut self, max_time: Option<Duration>) -> Self {
+        self.solver = McpSolver::new(McpOptions::default().with_max_time(max_time));
+        self
+    }
+
+    fn attempt(&mut self, parameters: &[f64], gradient: &mut [f64]) -> Result<f64, OptimiseError> {
+        let n = self.kept.len();
+        let mut x = self.kept.clone();
+        let status = self
+            .solver
+            .solve(&self.problem.at_parameters(parameters)?, &mut x)?
+            .status;
+        if !status.is_solved() {
+            return Err(OptimiseError::Unsolved(status));
+        }
+        let mut solution = Sensitivity::with_idle_parameters(&self.map, &x, parameters)?;
+        self.last.copy_from_slice(solution.x());
+        let mut all = self.last.clone();
+        all.extend(parameters);
+        let mut value = [0.0];
+        self.objective.value(&all, &mut value);
+        let mut derivative = Matrix::zeros(self.objective.pattern());
+        self.objective.jacobian(&all, &mut derivative);
+        let mut slopes = vec![0.0; all.len()];
+        derivative.triplets().for_each(|(_, j, v)| slopes[j] += v);
+        if !slopes.iter().all(|s| s.is_finite()) || derivative.stray().is_some() {
+            return Err(OptimiseError::NotFinite);
+        }
+        let through = solution.vjp(&slopes[..n])?;
+        for ((g, own), through) in gradient.iter_mut().zip(&slopes[n..]).zip(through) {
+            *g = own + through;
+        }
+        Ok(value[0])
+    }
+}
+
+impl<F: McpFunction, P: PiecewiseSmooth, O: McpFunction> Objective for Implicit<F, P, O> {
+    fn evaluate(&mut self, parameters: &[f64], gradient: &mut [f64]) -> Result<f64, Cause> {
+        self.attempt(parameters, gradient).map_err(Cause::new)
+    }
+
+    fn keep(&mut self) {
+        self.kept.copy_from_slice(&self.last);
+    }
+
+    fn state(&self) -> &[f64] {
+        &self.kept
+    }
+}

@@ -1,0 +1,84 @@
+use std::time::Duration;
+
+use super::OptimiseError;
+use crate::options::setters;
+
+/// Options of [`Bundle`](super::Bundle).
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
+pub struct BundleOptions {
+    /// Where the run ends: the aggregate subgradient is at most this part of the largest gradient that was evaluated, and also
+    /// [`value_tolerance`](Self::value_tolerance) is met. Default 1e-6; rounding in the quadratic programs ends runs at about 1e-8.
+    pub tolerance: f64,
+    /// The aggregate linearisation error is at most this part of the largest |f| at an iterate. Default 1e-9.
+    pub value_tolerance: f64,
+    /// Length of the first step, in the unit of θ. Default `None`: a tenth of the largest finite width of the bounds, without finite ones of
+    /// the largest |θᵢ| of the start, or of 1 where that is 0.
+    pub step: Option<f64>,
+    /// Largest number of iterations, a quadratic program each. Default 500.
+    pub max_iterations: usize,
+    /// Largest wall-clock time, checked before each evaluation. Default none.
+    pub max_time: Option<Duration>,
+    /// Largest number of gradients that the model of f keeps; more are aggregated. Default 60.
+    pub max_bundle: usize,
+}
+
+impl Default for BundleOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-6,
+            value_tolerance: 1e-9,
+            step: None,
+            max_iterations: 500,
+            max_time: None,
+            max_bundle: 60,
+        }
+    }
+}
+
+impl BundleOptions {
+    setters! {
+        /// Sets where the run ends.
+        with_tolerance(tolerance: f64);
+        /// Sets the largest linearisation error.
+        with_value_tolerance(value_tolerance: f64);
+        /// Sets the length of the first step.
+        with_step(step: Option<f64>);
+        /// Sets the largest number of iterations.
+        with_max_iterations(max_iterations: usize);
+        /// Sets the largest wall-clock time.
+        with_max_time(max_time: Option<Duration>);
+        /// Sets the largest number of gradients that are kept.
+        with_max_bundle(max_bundle: usize);
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`OptimiseError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), OptimiseError> {
+        let bad = |name, value, range| Err(OptimiseError::Option { name, value, range });
+        let is_positive = |v: f64| v > 0.0 && v.is_finite();
+        if !is_positive(self.tolerance) {
+            return bad("tolerance", self.tolerance, "positive and finite");
+        }
+        if !is_positive(self.value_tolerance) {
+            return bad("value_tolerance", self.value_tolerance, "positive and finite");
+        }
+        if let Some(step) = self.step.filter(|step| !is_positive(*step)) {
+            return bad("step", step, "positive and finite");
+        }
+        if self.max_iterations == 0 {
+            return bad("max_iterations", 0.0, "at least 1");
+        }
+        if self.max_bundle < 3 {
+            return bad("max_bundle", self.max_bundle as f64, "at least 3");
+        }
+        Ok(())
+    }
+}
