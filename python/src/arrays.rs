@@ -31,7 +31,7 @@ pub(crate) fn start(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>>
 }
 
 /// Complex arrays are refused: numpy would leave out imaginary parts with a warning.
-fn real(object: &Bound<'_, PyAny>, what: &str) -> PyResult<()> {
+pub(crate) fn real(object: &Bound<'_, PyAny>, what: &str) -> PyResult<()> {
     let kind = object.getattr("dtype").and_then(|dtype| dtype.getattr("kind"));
     match kind.and_then(|kind| kind.extract::<String>()).as_deref() {
         Ok("c") => Err(PyTypeError::new_err(format!(

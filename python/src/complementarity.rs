@@ -17,6 +17,7 @@ use semismooth::sparse::{Matrix, Pattern};
 use serde::Serialize;
 
 use crate::arrays::{bound, counted, matrix, python, sparse, start, vector};
+use crate::batch::{self, dimensions};
 use crate::errors::{Run, raised};
 use crate::map::{Map, TracedFunction, map_of};
 use crate::names::size;
@@ -234,10 +235,15 @@ impl McpResult {
 /// Returns
 /// -------
 /// McpResult
+///     With a leading dimension of M or q, (members, n, n) or (members, n), and of bounds and x0 where these differ, a :class:`BatchResult`:
+///     all members are solved on all cores, failures marked one by one; max_time is that of a member, and there is no callback.
 ///
 /// >>> import semismooth as ss
 /// >>> ss.solve_lcp([[2.0, 1.0], [1.0, 2.0]], [-5.0, -1.0]).x
 /// array([2.5, 0. ])
+/// >>> ss.solve_lcp([[2.0, 1.0], [1.0, 2.0]], [[-5.0, -1.0], [-1.0, -5.0]]).x
+/// array([[2.5, 0. ],
+///        [0. , 2.5]])
 #[pyfunction]
 #[pyo3(signature = (M, q, lower=None, upper=None, *, x0=None, callback=None, **options))]
 fn solve_lcp(
@@ -249,14 +255,27 @@ fn solve_lcp(
     x0: Option<&Bound<'_, PyAny>>,
     callback: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
-) -> PyResult<McpResult> {
+) -> PyResult<Py<PyAny>> {
+    let batched = dimensions(Some(M)) > 2 || [Some(q), lower, upper, x0].iter().any(|v| dimensions(*v) > 1);
+    if batched {
+        no_callback(callback.as_ref())?;
+        let found = batch::lcps(py, [M, q], [lower, upper], x0, options)?;
+        return Ok(Py::new(py, found)?.into_any());
+    }
     let Lcp { problem } = Lcp::new(M, q, lower, upper)?;
     let mut x = x0.map_or_else(|| Ok(vec![0.0; problem.len()]), |x0| start(x0, "x0"))?;
     let options = crate::arrays::options(options, py)?;
     let report = Run::detached(py, |run| {
         solve(run, problem.mcp(), &mut x, options, callback.as_ref())
     })?;
-    McpResult::new(py, &x, &report)
+    Ok(Py::new(py, McpResult::new(py, &x, &report)?)?.into_any())
+}
+
+fn no_callback(callback: Option<&Py<PyAny>>) -> PyResult<()> {
+    match callback {
+        Some(_) => Err(PyTypeError::new_err("a batch is solved on all cores without a callback")),
+        None => Ok(()),
+    }
 }
 
 fn solve<F: McpFunction>(
@@ -513,6 +532,8 @@ pub(crate) fn add(jacobian: &Bound<'_, PyAny>, x: &[f64], jac: &mut Matrix) -> P
 /// Returns
 /// -------
 /// McpResult
+///     With a leading dimension of params, (members, k), or of x0, (members, n), and of bounds where these differ, a :class:`BatchResult`: F
+///     is traced once, and all members are solved on all cores, failures marked one by one.
 ///
 /// >>> import semismooth as ss
 /// >>> result = ss.solve_mcp(lambda x: (x - 1) ** 2 - 1.01, 0, float("inf"), [0.0])
@@ -534,7 +555,17 @@ fn solve_mcp(
     params: Option<&Bound<'_, PyAny>>,
     callback: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
-) -> PyResult<McpResult> {
+) -> PyResult<Py<PyAny>> {
+    if dimensions(params) > 1 || [Some(x0), lower, upper].iter().any(|v| dimensions(*v) > 1) {
+        no_callback(callback.as_ref())?;
+        if jac.is_some() || pattern.is_some() {
+            return Err(PyTypeError::new_err(
+                "the function of a batch is traced: leave out jac and pattern",
+            ));
+        }
+        let found = batch::mcps(py, F, [lower, upper], x0, params, options)?;
+        return Ok(Py::new(py, found)?.into_any());
+    }
     let mut x = start(x0, "x0")?;
     let n = x.len();
     let lower = bound(lower, n, f64::NEG_INFINITY, "lower")?;
@@ -546,7 +577,8 @@ fn solve_mcp(
         let problem = Mcp::new(derivative.function(run, n), lower, upper).map_err(raised)?;
         solve(run, &problem, &mut x, options, callback.as_ref())
     })?;
-    McpResult::new(py, &x, &report)?.with_sensitivity(py, parametric, (&lower, &upper), &x)
+    let result = McpResult::new(py, &x, &report)?.with_sensitivity(py, parametric, (&lower, &upper), &x)?;
+    Ok(Py::new(py, result)?.into_any())
 }
 
 /// F with its derivative, at the parameters if there are any.

@@ -18,7 +18,7 @@ use crate::errors::{Run, SemismoothError, raised};
 use crate::fields::Failures;
 use crate::foundation::{Opposite, multipliers};
 use crate::given::{Compliance, Given, Origin, of_contact_nodes};
-use crate::laws::{Law, law};
+use crate::laws::{Law, law, shifted};
 use crate::map::{Map, smooth};
 use crate::saving::Made;
 use crate::solution::ContactSolution;
@@ -105,6 +105,8 @@ pub(crate) struct ContactProblem {
     pub(crate) route: Route,
     pub(crate) origin: Origin,
     pub(crate) law: Law,
+    /// The law with a second parameter that is added to the coefficient of friction, where it has one.
+    pub(crate) shifted: Option<Law>,
     parameters: usize,
 }
 
@@ -180,6 +182,7 @@ impl ContactProblem {
         let picked = friction
             .map(|f| of_contact_nodes(f, &rows.nodes, system.mesh().num_nodes()))
             .transpose()?;
+        let shifted = shifted(picked.as_ref(), dim, rows.areas.len())?;
         let law = law(picked.as_ref(), dim, &rows.areas)?;
         let compliance = Compliance::new(stiffness, &rows.areas)?;
         let nodal = compliance.is_none() && rows.is_nodal(system);
@@ -210,6 +213,7 @@ impl ContactProblem {
                 rows: Arc::new(rows),
             },
             law,
+            shifted,
             parameters: 1,
         })
     }
@@ -274,6 +278,7 @@ impl ContactProblem {
         let made = Made::by(py, "from_matrices", &arguments, &options)?;
         let (given, body) = Given::new([stiffness, normal, tangential], [load, rate], gap, points)?;
         let areas = vec![1.0; body.num_contacts()];
+        let shifted = shifted(friction, 1 + body.num_tangents(), areas.len())?;
         let law = law(friction, 1 + body.num_tangents(), &areas)?;
         let body = Compliance::of(body, Compliance::new(springs, &areas)?).map_err(raised)?;
         let own = law.clone();
@@ -291,6 +296,7 @@ impl ContactProblem {
             route: Route::Mapped(Box::new(mapped.map_err(raised)?)),
             origin: Origin::Matrices(Arc::new(given)),
             law,
+            shifted,
             parameters: 1,
         })
     }
@@ -335,6 +341,7 @@ impl ContactProblem {
             route: Route::Mapped(Box::new(form.map_err(raised)?)),
             origin: own.origin.clone_ref(slf.py()),
             law: own.law.clone(),
+            shifted: None,
             parameters: 2,
         })
     }

@@ -3,12 +3,13 @@
 use std::ops::ControlFlow;
 
 use numpy::{PyArray1, PyArray2};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use semismooth::contact::{DelassusIteration, DelassusOptions, DelassusProblem, DelassusSolver};
 
 use crate::arrays::{matrix, python, rows, vector};
+use crate::batch::{self, dimensions};
 use crate::complementarity::observed;
 use crate::errors::{Run, raised};
 use crate::names::size;
@@ -79,6 +80,7 @@ impl FrictionResult {
 /// Returns
 /// -------
 /// FrictionResult
+///     With a leading dimension of M, (members, n, n), q, mu or start, a :class:`FrictionBatch`, solved on all cores.
 ///
 /// >>> import numpy as np, semismooth as ss
 /// >>> # A block of unit mass, pressed by 1 and pushed by 0.2, with μ = 0.3: it sticks.
@@ -95,7 +97,13 @@ fn solve_friction(
     start: Option<&Bound<'_, PyAny>>,
     callback: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
-) -> PyResult<FrictionResult> {
+) -> PyResult<Py<PyAny>> {
+    if dimensions(Some(M)) > 2 || [Some(q), Some(mu), start].iter().any(|v| dimensions(*v) > 1) {
+        if callback.is_some() {
+            return Err(PyTypeError::new_err("a batch is solved on all cores without a callback"));
+        }
+        return Ok(Py::new(py, batch::frictions(py, [M, q, mu], start, options)?)?.into_any());
+    }
     let (q, mu) = (vector(q, "q")?, vector(mu, "mu")?);
     let dimension = q.len().checked_div(mu.len()).unwrap_or(0);
     if dimension * mu.len() != q.len() {
@@ -115,7 +123,7 @@ fn solve_friction(
             .solve_observed(&problem, start.as_deref(), observe)
             .map_err(raised)
     })?;
-    Ok(FrictionResult {
+    let result = FrictionResult {
         reactions: rows(py, dimension, [report.r.as_slice()])?.unbind(),
         velocities: rows(py, dimension, [report.u.as_slice()])?.unbind(),
         states: report.states.iter().map(|s| s.name().to_owned()).collect(),
@@ -123,7 +131,8 @@ fn solve_friction(
         residual: report.residual,
         factorisations: report.factorisations,
         history: python(py, &report.history)?.unbind(),
-    })
+    };
+    Ok(Py::new(py, result)?.into_any())
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

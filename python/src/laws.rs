@@ -399,6 +399,28 @@ pub(crate) fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize, areas: &[f64]
     })
 }
 
+/// The same law with a second parameter that is added to the coefficient of friction; none where the law is not Coulomb's with one
+/// coefficient at each node.
+pub(crate) fn shifted(friction: Option<&Bound<'_, PyAny>>, dim: usize, nodes: usize) -> PyResult<Option<Law>> {
+    let Some(friction) = friction else {
+        return Ok(None);
+    };
+    let other = friction.cast::<PyTuple>().is_ok()
+        || friction.cast::<GivenBound>().is_ok()
+        || friction.cast::<LimitedShear>().is_ok()
+        || friction.cast::<Cohesion>().is_ok()
+        || friction.cast::<Bonded>().is_ok();
+    if other {
+        return Ok(None);
+    }
+    let coefficient = Friction::coefficient(friction)?.with_second(vec![1.0; nodes]);
+    let coefficient = coefficient.map_err(raised)?;
+    Ok(Some(match dim {
+        2 => Arc::new(PlanarCoulomb::new(coefficient)),
+        _ => Arc::new(OrthotropicCoulomb::isotropic(coefficient)),
+    }))
+}
+
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Friction>()?;
     module.add_class::<GivenBound>()?;

@@ -1,10 +1,12 @@
 //! The extension module of the Python package `semismooth`; its docstrings are the documentation.
 
 mod arrays;
+mod batch;
 mod body;
 mod complementarity;
 mod contact;
 mod continuation;
+mod derivatives;
 mod diagram;
 mod errors;
 mod events;
@@ -41,6 +43,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     expressions::register(module)?;
     map::register(module)?;
     complementarity::register(module)?;
+    batch::register(module)?;
     lists::register(module)?;
     continuation::register(module)?;
     transition_set::register(module)?;
@@ -55,6 +58,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     given::register(module)?;
     contact::register(module)?;
     solution::register(module)?;
+    derivatives::register(module)?;
     report::register(module)?;
     saving::register(module)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))

@@ -11,6 +11,7 @@ use semismooth::sensitivity::Directional;
 use semismooth::sparse::Matrix;
 
 use crate::arrays::{bound, counted, dense, matrix, rows, start};
+use crate::batch::{self, dimensions};
 use crate::errors::{lock, raised};
 use crate::map::{Map, Watched, trace_two};
 use crate::saving::{data, data_of, field, state_of};
@@ -240,6 +241,7 @@ impl Parametric {
 /// Returns
 /// -------
 /// Sensitivity
+///     With a leading dimension of x, (members, n), and of params, (members, k), a :class:`BatchSensitivity`: F is traced once.
 ///
 /// >>> import numpy as np, semismooth as ss
 /// >>> kink = ss.sensitivity(lambda x, p: x - np.maximum(p, 2 * p), 0.0, 0.0)
@@ -254,7 +256,11 @@ fn sensitivity(
     params: &Bound<'_, PyAny>,
     lower: Option<&Bound<'_, PyAny>>,
     upper: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Sensitivity> {
+) -> PyResult<Py<PyAny>> {
+    if [Some(x), Some(params), lower, upper].iter().any(|v| dimensions(*v) > 1) {
+        let made = batch::sensitivities(py, F, [x, params], [lower, upper])?;
+        return Ok(Py::new(py, made)?.into_any());
+    }
     let x = start(x, "x")?;
     let lower = bound(lower, x.len(), f64::NEG_INFINITY, "lower")?;
     let upper = bound(upper, x.len(), f64::INFINITY, "upper")?;
@@ -262,7 +268,7 @@ fn sensitivity(
     let made = parametric.sensitivity(py, &lower, &upper, &x)?;
     // A point that is no solution, or an irregular one, is told at once.
     made.with(py, |_| Ok(()))?;
-    Ok(made)
+    Ok(Py::new(py, made)?.into_any())
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -10,11 +10,13 @@ use semismooth::contact::{
     self, Arrival, EvolutionOptions, EvolutionProgress, LocalValues, ReducedLevel, ReducedOptions,
 };
 use semismooth::continuation::ContinuationOptions;
+use semismooth::fem::ElasticSystem;
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sensitivity::{Sensitivity, SensitivityError};
 
-use crate::arrays::{python, rows, start, vector};
+use crate::arrays::{matrix, python, rows, start, vector};
 use crate::contact::{ContactProblem, Form, Reduced, Route, begun, of_form, point};
+use crate::derivatives::{Chosen, ContactSensitivity};
 use crate::errors::{Run, raised};
 use crate::names::number;
 use crate::saving::{data, data_of, field, state_of};
@@ -24,7 +26,7 @@ use crate::saving::{data, data_of, field, state_of};
 pub(crate) struct ContactSolution {
     /// The problem.
     #[pyo3(get)]
-    problem: Py<ContactProblem>,
+    pub(crate) problem: Py<ContactProblem>,
     pub(crate) x: Vec<f64>,
     solution: contact::ContactSolution,
     /// Displacements that are free, and those of the supports.
@@ -126,6 +128,48 @@ impl ContactSolution {
         .map_err(raised)
     }
 
+    /// The displacements of all nodes, component by component.
+    pub(crate) fn all_displacements(&self, system: &ElasticSystem) -> PyResult<Vec<f64>> {
+        system.displacements(&self.free, &self.supports).map_err(raised)
+    }
+
+    /// Changes of the free displacements in the shape of `displacements`, 0 at supports.
+    pub(crate) fn in_shape<'py>(&self, py: Python<'py>, free: &[f64]) -> PyResult<Bound<'py, PyAny>> {
+        let Ok((body, dim)) = self.system(py, "mesh") else {
+            return Ok(PyArray1::from_slice(py, free).into_any());
+        };
+        let supports = vec![0.0; self.supports.len()];
+        let u = body.get().system.displacements(free, &supports);
+        Ok(rows(py, dim, [u.map_err(raised)?.as_slice()])?.into_any())
+    }
+
+    /// The free components of an array in the shape of `displacements`, zeros where there is none.
+    pub(crate) fn free_of(&self, given: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<f64>> {
+        let Some(given) = given else {
+            return Ok(vec![0.0; self.free.len()]);
+        };
+        let wrong = |shape: String| PyValueError::new_err(format!("displacements must have the shape {shape}"));
+        let Ok((body, dim)) = self.system(given.py(), "mesh") else {
+            let given = vector(given, "displacements")?;
+            return match given.len() == self.free.len() {
+                true => Ok(given),
+                false => Err(wrong(format!("({},)", self.free.len()))),
+            };
+        };
+        let system = &body.get().system;
+        let (given, nodes) = (matrix(given, "displacements")?, system.mesh().num_nodes());
+        if (given.nrows(), given.ncols()) != (nodes, dim) {
+            return Err(wrong(format!("({nodes}, {dim})")));
+        }
+        let mut free = vec![0.0; self.free.len()];
+        for (node, d) in (0..nodes).flat_map(|n| (0..dim).map(move |d| (n, d))) {
+            if let Some(dof) = system.dof(node, d) {
+                free[dof] = given.get(node, d);
+            }
+        }
+        Ok(free)
+    }
+
     fn tangential<'py>(
         &self,
         py: Python<'py>,
@@ -185,6 +229,52 @@ impl ContactSolution {
     fn valid_until(&self, py: Python<'_>, dp: f64, horizon: f64) -> PyResult<f64> {
         let found = self.derivatives(py, |found| found.valid_until(&[dp], horizon))?;
         Ok(found.until())
+    }
+
+    /// The solution as a function of data of its problem. Each argument adds parameters, in the order of the arguments: those of a dict
+    /// ``slices``.
+    ///
+    /// Parameters
+    /// ----------
+    /// parameter : bool
+    ///     The load parameter.
+    /// loads : True, Load, or list of Load or of arrays of forces on free displacements
+    ///     Factors of further loads; ``True``: all components of the load.
+    /// gaps, friction : True or array of shape (p, k)
+    ///     Initial gaps and coefficients of friction of the contact nodes; ``True``: all p of them, an array: its columns are the changes with
+    ///     each of k parameters (a column of ones: one common to all). Friction is Coulomb's with one coefficient at each node.
+    /// young, poisson : True, str, or list of str
+    ///     E and ν of all cells or of groups of cells. Materials are isotropic.
+    /// positions : list of arrays of shape (number of nodes, dim)
+    ///     Velocities of the nodes, one field for each parameter of the shape. Forces on nodes do not change with it. A model of half a body
+    ///     stays one: its fields keep nodes of the plane of symmetry on it.
+    /// gap_gradients : array of shape (p, dim), optional
+    ///     Gradients of the foundation's gap at the contact nodes; those of a plane unless given. Its normals must be the same everywhere.
+    #[pyo3(signature = (
+        *, parameter=false, loads=None, gaps=None, friction=None, young=None, poisson=None, positions=None, gap_gradients=None
+    ))]
+    fn sensitivity<'py>(
+        slf: &Bound<'py, Self>,
+        parameter: bool,
+        loads: Option<&Bound<'py, PyAny>>,
+        gaps: Option<&Bound<'py, PyAny>>,
+        friction: Option<&Bound<'py, PyAny>>,
+        young: Option<&Bound<'py, PyAny>>,
+        poisson: Option<&Bound<'py, PyAny>>,
+        positions: Option<&Bound<'py, PyAny>>,
+        gap_gradients: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<ContactSensitivity> {
+        let chosen = Chosen {
+            parameter,
+            loads,
+            gaps,
+            friction,
+            young,
+            poisson,
+            positions,
+            gap_gradients,
+        };
+        ContactSensitivity::new(slf, &chosen)
     }
 
     /// The parameter α.

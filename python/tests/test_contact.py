@@ -598,3 +598,90 @@ def test_triangles_of_second_order_do_not_lock():
     problem = ss.ContactProblem(body, "bottom", GROUND, None)
     assert problem.num_contacts == 17
     assert abs(problem.solve().pressures.sum() / 0.034985 - 1) < 0.03
+
+
+def derivative_problem(form="condensed", gap=0.0, friction=0.3, young=1.0, shift=0.0, field=None):
+    mesh = ss.Mesh.rectangle([0, 0], [2, 1], [8, 4])
+    if field is not None:
+        mesh = ss.Mesh(mesh.points + shift * field, mesh.cells, facets=dict(mesh.facets))
+    body = ss.Body(mesh, ss.Material(young, 0.3), supports={"left": [0.0, 0.0]})
+    foundation = ss.Foundation.plane([0, -gap], [0, 1])
+    load, rate = body.traction("top", [0.0, -0.02]), body.traction("top", [0.02, 0.0])
+    return ss.ContactProblem(body, "bottom", foundation, friction, load=load, rate=rate, form=form)
+
+
+@pytest.mark.parametrize("form", ["condensed", "full", "reduced"])
+def test_solutions_have_derivatives_in_all_data(form):
+    problem = derivative_problem(form)
+    solution = problem.solve(0.5)
+    p = len(solution.pressures)
+    ones = np.ones((p, 1))
+    found = solution.sensitivity(parameter=True, gaps=ones, friction=ones, young=True)
+    assert found.differentiable is True and len(found) == 4
+    assert found.slices == {"parameter": slice(0, 1, 1), "gaps": slice(1, 2, 1), "friction": slice(2, 3, 1), "young": slice(3, 4, 1)}
+    h = 1e-6
+    for k, change in enumerate([{}, {"gap": h}, {"friction": h}, {"young": h}]):
+        moved = []
+        for s in (1, -1):
+            data = {"gap": 0.0, "friction": 0.3, "young": 1.0}
+            for name, size in change.items():
+                data[name] += s * size
+            moved.append(derivative_problem("condensed", **data).solve(0.5 + s * h * (k == 0)))
+        u, pressures, tractions = found.jvp(np.eye(4)[k])
+        for rate, name in [(u, "displacements"), (pressures, "pressures"), (tractions, "tractions")]:
+            difference = (getattr(moved[0], name) - getattr(moved[1], name)) / (2 * h)
+            np.testing.assert_allclose(rate, difference, atol=2e-6 * np.abs(difference).max() + 1e-9)
+    rng = np.random.default_rng(0)
+    w = [rng.normal(size=part.shape) for part in found.jvp(np.zeros(4))]
+    dp = rng.normal(size=4)
+    forward = sum((a * b).sum() for a, b in zip(w, found.jvp(dp)))
+    assert found.vjp(*w) @ dp == pytest.approx(forward, rel=1e-7)
+    by_columns = found.derivative()
+    np.testing.assert_allclose((by_columns @ dp)[-2 * p : -p], found.jvp(dp)[1], atol=1e-9)
+    if form == "reduced":
+        with pytest.raises(ss.SemismoothError, match="reduced form"):
+            found.valid_until([1.0, 0, 0, 0])
+    else:
+        assert found.valid_until([1.0, 0, 0, 0]) == pytest.approx(solution.valid_until(), rel=1e-6)
+        with pytest.raises(ss.SemismoothError, match="first order"):
+            found.valid_until([0, 0, 0, 1.0])
+
+
+def test_solutions_have_derivatives_in_the_shape_of_their_body():
+    problem = derivative_problem()
+    points = problem.body.mesh.points
+    below = 1 - points[:, 1]
+    field = np.stack([0.1 * below * points[:, 1], 0.02 * points[:, 0] * below], axis=1)
+    solution = problem.solve(0.5)
+    found = solution.sensitivity(loads=[problem.body.traction("top", [0.0, -1.0])], positions=[field])
+    assert list(found.slices) == ["loads", "positions"]
+    rates = found.jvp([0.0, 1.0])
+    h = 1e-6
+    # The top is not stretched, so that the forces on its nodes stay as they are.
+    moved = [derivative_problem(field=field, shift=s * h).solve(0.5) for s in (1, -1)]
+    for rate, name in zip(rates, ["displacements", "pressures", "tractions"]):
+        difference = (getattr(moved[0], name) - getattr(moved[1], name)) / (2 * h)
+        np.testing.assert_allclose(rate, difference, atol=1e-5 * np.abs(difference).max())
+    with pytest.raises(ValueError, match="field 0 has shape"):
+        solution.sensitivity(positions=[field[:3]])
+
+
+def test_derivatives_of_contact_refuse_what_they_cannot_use():
+    solution = derivative_problem().solve(0.5)
+    p = len(solution.pressures)
+    with pytest.raises(ValueError, match="name the data"):
+        solution.sensitivity()
+    with pytest.raises(ss.SemismoothError, match="gaps"):
+        solution.sensitivity(gaps=np.ones((p + 1, 1)))
+    with pytest.raises(ss.SemismoothError, match="nowhere"):
+        solution.sensitivity(young="nowhere")
+    with pytest.raises(ValueError, match="load 0 has 3 forces"):
+        solution.sensitivity(loads=[np.zeros(3)])
+    bound = derivative_problem(friction=ss.GivenBound(0.01)).solve(0.0)
+    with pytest.raises(ValueError, match="Coulomb"):
+        bound.sensitivity(friction=True)
+    found = solution.sensitivity(gaps=True)
+    with pytest.raises(ValueError, match="pressures must have the shape"):
+        found.vjp(pressures=np.zeros(p + 1))
+    with pytest.raises(ss.SemismoothError, match="length"):
+        found.jvp([1.0])

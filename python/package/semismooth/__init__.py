@@ -12,6 +12,8 @@ exact, and the pieces on both sides of every kink are known. Matrices may be tho
 """
 
 from ._core import (
+    BatchResult,
+    BatchSensitivity,
     Body,
     Bonded,
     Branch,
@@ -21,6 +23,7 @@ from ._core import (
     Condition,
     ConeResult,
     ContactProblem,
+    ContactSensitivity,
     ContactSolution,
     Continuum,
     Crossing,
@@ -31,6 +34,7 @@ from ._core import (
     Fold,
     Foundation,
     Friction,
+    FrictionBatch,
     FrictionResult,
     GivenBound,
     Lcp,
@@ -73,6 +77,8 @@ from ._matrices import Substructure, read_op4, read_substructure
 from ._saving import load, save
 
 __all__ = [
+    "BatchResult",
+    "BatchSensitivity",
     "Body",
     "Bonded",
     "Branch",
@@ -82,6 +88,7 @@ __all__ = [
     "Condition",
     "ConeResult",
     "ContactProblem",
+    "ContactSensitivity",
     "ContactSolution",
     "Continuum",
     "Crossing",
@@ -92,6 +99,7 @@ __all__ = [
     "Fold",
     "Foundation",
     "Friction",
+    "FrictionBatch",
     "FrictionProblem",
     "FrictionResult",
     "GivenBound",

@@ -13,6 +13,8 @@ __all__ = [
     "_restored",
     "_saved_classes",
     "_state",
+    "BatchResult",
+    "BatchSensitivity",
     "Body",
     "Bonded",
     "Branch",
@@ -22,6 +24,7 @@ __all__ = [
     "Condition",
     "ConeResult",
     "ContactProblem",
+    "ContactSensitivity",
     "ContactSolution",
     "Continuum",
     "Crossing",
@@ -32,6 +35,7 @@ __all__ = [
     "Fold",
     "Foundation",
     "Friction",
+    "FrictionBatch",
     "FrictionResult",
     "GivenBound",
     "Lcp",
@@ -231,7 +235,57 @@ def sensitivity(
     params: ArrayLike,
     lower: ArrayLike | None = None,
     upper: ArrayLike | None = None,
-) -> Sensitivity: ...
+) -> Sensitivity | Any: ...  # BatchSensitivity with a leading dimension
+
+@final
+class BatchSensitivity:
+    def __len__(self) -> int: ...
+    @property
+    def differentiable(self) -> list[bool | None]: ...
+    def jvp(self, dp: ArrayLike) -> NDArray[np.float64]: ...
+    def vjp(self, dx: ArrayLike) -> NDArray[np.float64]: ...
+    def derivative(self) -> NDArray[np.float64]: ...
+
+@final
+class BatchResult:
+    def __len__(self) -> int: ...
+    @property
+    def x(self) -> NDArray[np.float64]: ...
+    @property
+    def status(self) -> list[str]: ...
+    @property
+    def solved(self) -> NDArray[np.bool_]: ...
+    @property
+    def messages(self) -> dict[int, str]: ...
+    @property
+    def residual(self) -> _Vector: ...
+    @property
+    def error(self) -> _Vector: ...
+    @property
+    def iterations(self) -> NDArray[np.int64]: ...
+    @property
+    def sensitivity(self) -> BatchSensitivity | None: ...
+    @property
+    def differentiable(self) -> list[bool | None]: ...
+    def jvp(self, dp: ArrayLike) -> NDArray[np.float64]: ...
+    def vjp(self, dx: ArrayLike) -> NDArray[np.float64]: ...
+    def derivative(self) -> NDArray[np.float64]: ...
+
+@final
+class FrictionBatch:
+    def __len__(self) -> int: ...
+    @property
+    def reactions(self) -> NDArray[np.float64]: ...
+    @property
+    def velocities(self) -> NDArray[np.float64]: ...
+    @property
+    def status(self) -> list[str]: ...
+    @property
+    def solved(self) -> NDArray[np.bool_]: ...
+    @property
+    def messages(self) -> dict[int, str]: ...
+    @property
+    def residual(self) -> _Vector: ...
 
 class _McpOptions(TypedDict, total=False):
     tolerance: float
@@ -267,7 +321,7 @@ def solve_lcp(
     x0: ArrayLike | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
     **options: Unpack[_McpOptions],
-) -> McpResult: ...
+) -> McpResult | Any: ...  # BatchResult with a leading dimension
 def solve_mcp(
     F: Callable[..., Any] | Map | tuple[_Matrix, ArrayLike],
     lower: ArrayLike | None,
@@ -279,7 +333,7 @@ def solve_mcp(
     params: ArrayLike | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
     **options: Unpack[_McpOptions],
-) -> McpResult: ...
+) -> McpResult | Any: ...  # BatchResult with a leading dimension
 
 @final
 class LemkeResult:
@@ -779,7 +833,7 @@ def solve_friction(
     start: ArrayLike | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
     **options: Unpack[_DelassusOptions],
-) -> FrictionResult: ...
+) -> FrictionResult | Any: ...  # FrictionBatch with a leading dimension
 
 _Mask: TypeAlias = NDArray[np.bool_] | NDArray[np.integer[Any]] | Sequence[bool] | Sequence[int]
 
@@ -1011,6 +1065,18 @@ class ContactSolution:
     def jvp(self, dp: ArrayLike | None = None) -> _Vector: ...
     def vjp(self, dx: ArrayLike) -> _Vector: ...
     def valid_until(self, dp: float = 1.0, horizon: float = 1.0) -> float: ...
+    def sensitivity(
+        self,
+        *,
+        parameter: bool = False,
+        loads: Literal[True] | Load | Sequence[Load | ArrayLike] | None = None,
+        gaps: Literal[True] | _Matrix | None = None,
+        friction: Literal[True] | _Matrix | None = None,
+        young: Literal[True] | str | Sequence[str | None] | None = None,
+        poisson: Literal[True] | str | Sequence[str | None] | None = None,
+        positions: Sequence[ArrayLike] | None = None,
+        gap_gradients: ArrayLike | None = None,
+    ) -> ContactSensitivity: ...
     @property
     def parameter(self) -> float: ...
     @property
@@ -1044,6 +1110,24 @@ class ContactSolution:
     @property
     def cell_data(self) -> dict[str, _Vector]: ...
     def to_meshio(self) -> Any: ...
+
+@final
+class ContactSensitivity:
+    @property
+    def solution(self) -> ContactSolution: ...
+    @property
+    def slices(self) -> dict[str, slice]: ...
+    def __len__(self) -> int: ...
+    @property
+    def differentiable(self) -> bool | None: ...
+    @property
+    def message(self) -> str: ...
+    def jvp(self, dp: ArrayLike) -> tuple[_Vector, _Vector, NDArray[np.float64]]: ...
+    def vjp(
+        self, displacements: ArrayLike | None = None, pressures: ArrayLike | None = None, tractions: ArrayLike | None = None
+    ) -> _Vector: ...
+    def derivative(self) -> NDArray[np.float64]: ...
+    def valid_until(self, dp: ArrayLike, horizon: float = 1.0) -> float: ...
 
 @final
 class EvolutionStep:
