@@ -67,7 +67,13 @@ impl<'py> Given<'py> {
             shape if shape == own => None,
             [count, rest @ ..] if rest == own => Some(*count),
             _ => {
-                let list = |shape: &[usize]| shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+                let list = |shape: &[usize]| {
+                    shape
+                        .iter()
+                        .map(ToString::to_string)
+                        .collect::<Vec<_>>()
+                        .join(", ")
+                };
                 return Err(PyValueError::new_err(format!(
                     "{} has the shape ({}), expected ({}), or that behind the number of members of a batch",
                     self.what,
@@ -218,7 +224,11 @@ impl BatchResult {
     fn new(py: Python<'_>, n: usize, all: &[Member]) -> PyResult<Self> {
         let flat: Vec<f64> = all.iter().flat_map(|m| &m.x).copied().collect();
         let messages = PyDict::new(py);
-        for (i, message) in all.iter().enumerate().filter_map(|(i, m)| Some((i, m.message.as_ref()?))) {
+        for (i, message) in all
+            .iter()
+            .enumerate()
+            .filter_map(|(i, m)| Some((i, m.message.as_ref()?)))
+        {
             messages.set_item(i, message)?;
         }
         Ok(Self {
@@ -235,7 +245,9 @@ impl BatchResult {
 
     fn derivatives(&self) -> PyResult<&BatchSensitivity> {
         let own = self.sensitivity.as_ref().map(|s| s.get());
-        own.ok_or_else(|| PyValueError::new_err("there are derivatives of problems with `params` only: F(x, p)"))
+        own.ok_or_else(|| {
+            PyValueError::new_err("there are derivatives of problems with `params` only: F(x, p)")
+        })
     }
 }
 
@@ -302,7 +314,13 @@ pub(crate) fn lcps(
     ];
     let or = |k: usize, value: f64| members_or(&others[k], n, value);
     let (lower, upper, x0) = (or(0, 0.0)?, or(1, f64::INFINITY)?, or(2, 0.0)?);
-    let named = [("M", &M), ("q", &q), ("lower", &lower), ("upper", &upper), ("x0", &x0)];
+    let named = [
+        ("M", &M),
+        ("q", &q),
+        ("lower", &lower),
+        ("upper", &upper),
+        ("x0", &x0),
+    ];
     let count = count(&named)?;
     let options: McpOptions = crate::arrays::options(options, py)?;
     let pattern = Pattern::full(n, n);
@@ -368,7 +386,8 @@ impl McpFunction for AtParams<'_> {
         let (point, all) = &mut *lock(&self.room);
         let point = self.at(x, point);
         all.clear();
-        self.full.jacobian(&piecewise::select(self.full, point), point, all);
+        self.full
+            .jacobian(&piecewise::select(self.full, point), point, all);
         // The columns of x come first.
         let own = jac.values().len();
         jac.values_mut().copy_from_slice(&all.values()[..own]);
@@ -394,7 +413,9 @@ pub(crate) fn mcps(
     let others = [given(bounds[0], "lower")?, given(bounds[1], "upper")?];
     let or = |k: usize, value: f64| members_or(&others[k], n, value);
     let (lower, upper) = (or(0, f64::NEG_INFINITY)?, or(1, f64::INFINITY)?);
-    let k = params.as_ref().map_or(0, |p| p.shape().last().copied().unwrap_or(1));
+    let k = params
+        .as_ref()
+        .map_or(0, |p| p.shape().last().copied().unwrap_or(1));
     let p = match &params {
         Some(params) => params.members(&[k])?,
         None => Members::of(0, 0.0),
@@ -405,7 +426,12 @@ pub(crate) fn mcps(
     };
     check_values(map.get(), n, n + k)?;
     let starts = x0.members(&[n])?;
-    let named = [("params", &p), ("x0", &starts), ("lower", &lower), ("upper", &upper)];
+    let named = [
+        ("params", &p),
+        ("x0", &starts),
+        ("lower", &lower),
+        ("upper", &upper),
+    ];
     let count = count(&named)?;
     let options: McpOptions = crate::arrays::options(options, py)?;
     let full = map.get().free();
@@ -478,7 +504,11 @@ impl BatchSensitivity {
         unsolved: Vec<Option<String>>,
         shared: bool,
     ) -> PyResult<Self> {
-        let maps = if shared { 1.min(unsolved.len()) } else { unsolved.len() };
+        let maps = if shared {
+            1.min(unsolved.len())
+        } else {
+            unsolved.len()
+        };
         let natural = |i: usize| map.natural(&lower[i * n..(i + 1) * n], &upper[i * n..(i + 1) * n]);
         Ok(Self {
             maps: py.detach(|| (0..maps).map(natural).collect()),
@@ -584,7 +614,10 @@ impl BatchSensitivity {
     fn __repr__(&self) -> String {
         let (n, k) = self.sizes;
         let (members, unknowns) = (counted(self.unsolved.len(), "member"), counted(n, "unknown"));
-        format!("<BatchSensitivity: {members}, {unknowns} to {}>", counted(k, "parameter"))
+        format!(
+            "<BatchSensitivity: {members}, {unknowns} to {}>",
+            counted(k, "parameter")
+        )
     }
 }
 
@@ -615,7 +648,12 @@ pub(crate) fn sensitivities(
     let others = [given(bounds[0], "lower")?, given(bounds[1], "upper")?];
     let or = |k: usize, value: f64| members_or(&others[k], n, value);
     let (lower, upper) = (or(0, f64::NEG_INFINITY)?, or(1, f64::INFINITY)?);
-    let count = count(&[("x", &x), ("params", &params), ("lower", &lower), ("upper", &upper)])?;
+    let count = count(&[
+        ("x", &x),
+        ("params", &params),
+        ("lower", &lower),
+        ("upper", &upper),
+    ])?;
     let map = trace_two(py, function, n, k)?;
     check_values(&map, n, n + k)?;
     let flat = |members: &Members<'_>| (0..count).flat_map(|i| members.get(i).to_vec()).collect();
@@ -649,7 +687,10 @@ impl FrictionBatch {
 
     fn __repr__(&self, py: Python<'_>) -> String {
         let all = self.status.bind(py).len();
-        format!("<FrictionBatch: {} of {all} solved>", all - self.messages.bind(py).len())
+        format!(
+            "<FrictionBatch: {} of {all} solved>",
+            all - self.messages.bind(py).len()
+        )
     }
 }
 
@@ -673,7 +714,12 @@ pub(crate) fn frictions(
     let (M, q, mu) = (M.members(&[n, n])?, q.members(&[n])?, mu.members(&[contacts])?);
     let start = start.as_ref().map(|s| s.members(&[n])).transpose()?;
     let none = Members::of(n, 0.0);
-    let named = [("M", &M), ("q", &q), ("mu", &mu), ("start", start.as_ref().unwrap_or(&none))];
+    let named = [
+        ("M", &M),
+        ("q", &q),
+        ("mu", &mu),
+        ("start", start.as_ref().unwrap_or(&none)),
+    ];
     let count = count(&named)?;
     let options: DelassusOptions = crate::arrays::options(options, py)?;
     let pattern = Pattern::full(n, n);
@@ -704,16 +750,23 @@ pub(crate) fn frictions(
             Err(_) => vec![f64::NAN; n],
         };
         let flat: Vec<f64> = all.iter().flat_map(row).collect();
-        Ok(PyArray1::from_vec(py, flat).reshape([count, contacts, dimension])?.unbind())
+        Ok(PyArray1::from_vec(py, flat)
+            .reshape([count, contacts, dimension])?
+            .unbind())
     };
-    let status = |found: &Result<DelassusReport, String>| found.as_ref().map_or("invalid", |r| r.status.name());
+    let status =
+        |found: &Result<DelassusReport, String>| found.as_ref().map_or("invalid", |r| r.status.name());
     Ok(FrictionBatch {
         reactions: flat(|r| &r.r)?,
         velocities: flat(|r| &r.u)?,
         status: PyList::new(py, all.iter().map(status))?.unbind(),
         solved: PyArray1::from_iter(py, all.iter().map(|f| status(f) == "solved")).unbind(),
         messages: messages.unbind(),
-        residual: PyArray1::from_iter(py, all.iter().map(|f| f.as_ref().map_or(f64::NAN, |r| r.residual))).unbind(),
+        residual: PyArray1::from_iter(
+            py,
+            all.iter().map(|f| f.as_ref().map_or(f64::NAN, |r| r.residual)),
+        )
+        .unbind(),
     })
 }
 

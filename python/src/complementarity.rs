@@ -273,7 +273,9 @@ fn solve_lcp(
 
 fn no_callback(callback: Option<&Py<PyAny>>) -> PyResult<()> {
     match callback {
-        Some(_) => Err(PyTypeError::new_err("a batch is solved on all cores without a callback")),
+        Some(_) => Err(PyTypeError::new_err(
+            "a batch is solved on all cores without a callback",
+        )),
         None => Ok(()),
     }
 }

@@ -402,7 +402,8 @@ impl ContactSensitivity {
             Some(given) => vector(given, "pressures")?,
             None => vec![0.0; p],
         };
-        let wrong = |what: &str, shape: String| PyValueError::new_err(format!("{what} must have the shape {shape}"));
+        let wrong =
+            |what: &str, shape: String| PyValueError::new_err(format!("{what} must have the shape {shape}"));
         if forces.len() != p {
             return Err(wrong("pressures", format!("({p},)")));
         }

@@ -100,7 +100,9 @@ fn solve_friction(
 ) -> PyResult<Py<PyAny>> {
     if dimensions(Some(M)) > 2 || [Some(q), Some(mu), start].iter().any(|v| dimensions(*v) > 1) {
         if callback.is_some() {
-            return Err(PyTypeError::new_err("a batch is solved on all cores without a callback"));
+            return Err(PyTypeError::new_err(
+                "a batch is solved on all cores without a callback",
+            ));
         }
         return Ok(Py::new(py, batch::frictions(py, [M, q, mu], start, options)?)?.into_any());
     }

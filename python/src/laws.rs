@@ -401,7 +401,11 @@ pub(crate) fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize, areas: &[f64]
 
 /// The same law with a second parameter that is added to the coefficient of friction; none where the law is not Coulomb's with one
 /// coefficient at each node.
-pub(crate) fn shifted(friction: Option<&Bound<'_, PyAny>>, dim: usize, nodes: usize) -> PyResult<Option<Law>> {
+pub(crate) fn shifted(
+    friction: Option<&Bound<'_, PyAny>>,
+    dim: usize,
+    nodes: usize,
+) -> PyResult<Option<Law>> {
     let Some(friction) = friction else {
         return Ok(None);
     };

@@ -257,7 +257,10 @@ fn sensitivity(
     lower: Option<&Bound<'_, PyAny>>,
     upper: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Py<PyAny>> {
-    if [Some(x), Some(params), lower, upper].iter().any(|v| dimensions(*v) > 1) {
+    if [Some(x), Some(params), lower, upper]
+        .iter()
+        .any(|v| dimensions(*v) > 1)
+    {
         let made = batch::sensitivities(py, F, [x, params], [lower, upper])?;
         return Ok(Py::new(py, made)?.into_any());
     }

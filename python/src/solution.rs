@@ -148,7 +148,8 @@ impl ContactSolution {
         let Some(given) = given else {
             return Ok(vec![0.0; self.free.len()]);
         };
-        let wrong = |shape: String| PyValueError::new_err(format!("displacements must have the shape {shape}"));
+        let wrong =
+            |shape: String| PyValueError::new_err(format!("displacements must have the shape {shape}"));
         let Ok((body, dim)) = self.system(given.py(), "mesh") else {
             let given = vector(given, "displacements")?;
             return match given.len() == self.free.len() {

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -156,19 +157,14 @@ sys.stdout.write(ss.solve_lcp(M, q).x.tobytes().hex())
 
 
 def test_the_recipe_for_torch():
-    """The function of the guide, as it is written there."""
+    """The class in the README."""
     torch = pytest.importorskip("torch")
-
-    class Solution(torch.autograd.Function):
-        @staticmethod
-        def forward(ctx, p):
-            ctx.found = ss.solve_mcp(demand, 0, np.inf, np.ones(2), params=p.detach().double().cpu().numpy())
-            return torch.as_tensor(ctx.found.x, dtype=p.dtype, device=p.device)
-
-        @staticmethod
-        def backward(ctx, grad):
-            rows = ctx.found.vjp(grad.double().cpu().numpy())
-            return torch.as_tensor(rows, dtype=grad.dtype, device=grad.device)
-
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    recipe = next(block for block in readme.split("```python")[1:] if "torch.autograd.Function" in block).split("```")[0]
+    names = {"torch": torch, "ss": ss, "F": demand, "lower": 0, "upper": np.inf, "x0": np.ones(2)}
+    exec(recipe, names)
+    solution = names["Solution"].apply
     p = torch.tensor([[3.0, 0.7], [2.0, 0.1]], dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(Solution.apply, (p,), eps=1e-6, atol=1e-6)
+    assert torch.autograd.gradcheck(solution, (p,), eps=1e-6, atol=1e-6)
+    with pytest.raises(ss.SemismoothError, match="not solved"):
+        solution(torch.tensor([[float("nan"), 0.7]]))

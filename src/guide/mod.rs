@@ -32,6 +32,8 @@
 //! | all branches | [`diagram`](crate::diagram) | `ss.diagram(H, starts, ...)` |
 //! | all solutions | [`all_solutions`](crate::all_solutions) | `ss.all_solutions(H)` |
 //! | derivatives of a solution in parameters | [`Solution::sensitivity`](crate::Solution::sensitivity) | `ss.solve_mcp(..., params=p)`, `ss.sensitivity(F, x, p)` |
+//! | derivatives of a contact solution in loads, gaps, friction, materials, positions | [`Contact::sensitivity`](crate::contact::Contact::sensitivity) | `solution.sensitivity(...)` |
+//! | many problems at once | [`sweep`](crate::sweep::sweep) | a leading dimension of `M`, `q`, `params` |
 //! | f(x(p), p) minimised over p | [`minimise`](crate::minimise) | `ss.minimise(f, F, ...)` |
 //! | contact from a mesh | [`contact_problem`](crate::contact_problem) | `ss.ContactProblem(...)` |
 //!
