@@ -10,6 +10,8 @@
 //! [`Implicit`] is f(x(θ), θ): it solves a complementarity problem, and takes the element from [`Sensitivity`](crate::sensitivity::Sensitivity),
 //! by one adjoint solve. [`minimise`](crate::minimise) is the door to both.
 //!
+//! Gradients are all it knows: in a smooth valley whose sides are far steeper than its bottom it takes hundreds of iterations.
+//!
 //! The method is local. What it finds is stationary in the sense of Clarke, to the tolerance: whether it is a minimum is not decided, and other
 //! starts may lead to better points. Where the problem of x has several solutions, f belongs to the branch that the solver follows from x at the
 //! start; [`all_solutions`](crate::enumeration::all_solutions) lists the branches of piecewise-affine problems, each a start of its own.

@@ -176,8 +176,11 @@ impl Model {
                 .zip(&lcp.q()[n + 1..first])
                 .all(|pair| above(pair) <= CUT * decrease)
         };
-        let found = self.lemke.solve(&lcp, &mut z)?;
-        if found.status != Status::Solved && !(found.residual <= ACCURATE && is_accurate(&z)) {
+        // Pivots may meet a singular basis, at degenerate points or where there are equations.
+        let pivoted = self.lemke.solve(&lcp, &mut z).is_ok_and(|found| {
+            found.status == Status::Solved || (found.residual <= ACCURATE && is_accurate(&z))
+        });
+        if !pivoted {
             let newton = McpOptions::default().with_strategies(vec![McpStrategy::Newton]);
             z.fill(0.0);
             if !McpSolver::new(newton).solve(lcp.mcp(), &mut z)?.is_solved() {
