@@ -15,6 +15,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use common::Outcome;
 use design::{Identification, LEVELS, Shape};
+use semismooth::Cause;
 
 /// Friction from displacements, and a shape that evens out contact stresses.
 #[derive(Parser)]
@@ -25,6 +26,10 @@ fn main() -> ExitCode {
 }
 
 fn run(_: &Arguments) -> Outcome<()> {
+    tables().map_err(|cause| cause.to_string().into())
+}
+
+fn tables() -> Result<(), Cause> {
     let truth = [0.2, 0.45, 0.3];
     let mut problem = Identification::new([12, 6], 3)?;
     println!("errors of displacements  coefficients found         iterations, at the loads {LEVELS:?}");
@@ -46,7 +51,7 @@ fn run(_: &Arguments) -> Outcome<()> {
         );
         if !report.is_solved() || report.value > problem.misfit(&truth, &mut [0.0; 3])? * (1.0 + 1e-9) + 1e-12
         {
-            return Err(format!("the coefficients do not fit: {report}").into());
+            return Err(wrong(format!("the coefficients do not fit: {report}")));
         }
     }
     println!("cells    unevenness: flat, best, ratio  heights");
@@ -58,8 +63,12 @@ fn run(_: &Arguments) -> Outcome<()> {
             cells[0], cells[1], report.value
         );
         if !report.is_solved() || (ratio - 0.69).abs() > 0.01 {
-            return Err(format!("the decrease depends on the mesh: {report}").into());
+            return Err(wrong(format!("the decrease depends on the mesh: {report}")));
         }
     }
     Ok(())
+}
+
+fn wrong(what: String) -> Cause {
+    Cause::from(std::io::Error::other(what))
 }

@@ -17,6 +17,10 @@ const SLOPE: f64 = 0.5;
 const LONG: f64 = 0.05;
 /// The curvature γ of the locality measure in units of the first weight u: any positive number will do for the theory.
 const CURVATURE: f64 = 0.05;
+/// Error of the trapezoidal rule, in units of what gradients differ by, up to which f counts as smooth between two points.
+const SMOOTH: f64 = 0.1;
+/// Curvature, in units of the first weight, up to which M learns it: larger ones are kinks, or left to the planes.
+const STEEPEST: f64 = 1e3;
 /// Factor by which one change of the weight is limited, and a bound of all of them together.
 const CHANGE: f64 = 10.0;
 const RANGE: f64 = 1e10;
@@ -50,6 +54,8 @@ pub(super) struct Run<'a> {
     first_weight: f64,
     /// Steps in a row, negative ones that stayed.
     counter: i32,
+    /// Bound of the length of steps: CHANGE times the longest one that was good, or the first one.
+    reach: f64,
     largest_value: f64,
     report: BundleReport,
 }
@@ -71,15 +77,17 @@ impl<'a> Run<'a> {
         let value = sampled(objective, &point, &mut gradient);
         let value = value.map_err(|source| OptimiseError::Start { source })?;
         objective.keep();
+        let step = first_step(set, options, &point);
         let mut run = Self {
             set,
             options,
             objective,
             clock,
-            model: Model::new(options.max_bundle),
-            weight: norm(&gradient) / first_step(set, options, &point),
+            model: Model::new(options.max_bundle, point.len()),
+            weight: norm(&gradient) / step,
             first_weight: 0.0,
             counter: 0,
+            reach: CHANGE * step,
             largest_value: value.abs(),
             report: BundleReport {
                 status: Status::IterationLimit,
@@ -171,13 +179,24 @@ impl<'a> Run<'a> {
             return Ok(Some(Direction::none(n)));
         }
         let size = own.max(self.options.tolerance * self.report.gradient_norm);
-        let minimum = |model: &mut Model| model.minimum(self.set, &self.here.point, self.weight, size);
-        let found = minimum(&mut self.model)?;
-        if found.is_some() {
-            return Ok(found);
+        for _ in 0..TRIALS {
+            let found = self
+                .model
+                .minimum(self.set, &self.here.point, self.weight, size)?;
+            let Some(found) = found else {
+                if self.model.planes.len() == 1 {
+                    break;
+                }
+                self.model.planes = vec![Plane::new(self.here.gradient.clone(), 0.0, 0.0)];
+                continue;
+            };
+            let length = norm(&found.step);
+            if length <= self.reach {
+                return Ok(Some(found));
+            }
+            self.weight *= 2.0 * length / self.reach;
         }
-        self.model.planes = vec![Plane::new(self.here.gradient.clone(), 0.0, 0.0)];
-        Ok(minimum(&mut self.model)?)
+        Ok(None)
     }
 
     fn certify(&mut self, direction: &Direction) {
@@ -205,14 +224,11 @@ impl<'a> Run<'a> {
         let mut gradient = vec![0.0; point.len()];
         self.report.evaluations += 1;
         match sampled(self.objective, &point, &mut gradient) {
-            Ok(value) => {
-                self.report.gradient_norm = self.report.gradient_norm.max(norm(&gradient));
-                Some(Sample {
-                    point,
-                    value,
-                    gradient,
-                })
-            }
+            Ok(value) => Some(Sample {
+                point,
+                value,
+                gradient,
+            }),
             Err(cause) => {
                 self.report.failures += 1;
                 self.report.trouble = Some(cause);
@@ -225,7 +241,7 @@ impl<'a> Run<'a> {
     /// nearby that the model lacks. It ends where f is semismooth.
     fn search(&mut self, direction: &Direction) -> Result<Found, Status> {
         let d = &direction.step;
-        let predicted = self.weight * dot(d, d) + direction.error;
+        let predicted = direction.error - dot(d, &direction.subgradient);
         let (length, here) = (norm(d), self.here.value);
         let (mut low, mut high, mut t) = (0.0, 1.0, 1.0);
         let mut found = Found {
@@ -287,7 +303,7 @@ impl<'a> Run<'a> {
 
     /// Moves, and enriches the model.
     fn take(&mut self, direction: &Direction, found: Found) -> BundleStep {
-        let predicted = self.weight * dot(&direction.step, &direction.step) + direction.error;
+        let predicted = direction.error - dot(&direction.step, &direction.subgradient);
         let gained = found.full.map(|f| (self.here.value - f) / predicted);
         let step = match &found.best {
             None => BundleStep::Null,
@@ -296,9 +312,20 @@ impl<'a> Run<'a> {
         };
         if let Some((_, best)) = found.best {
             let d = difference(&best.point, &self.here.point);
+            self.reach = self.reach.max(CHANGE * norm(&d));
             self.model.moved(&d, best.value - self.here.value);
+            let change = difference(&best.gradient, &self.here.gradient);
+            // Across a kink the trapezoidal rule is as wrong as the gradients differ.
+            let slopes = [&self.here, &best].map(|s| dot(&s.gradient, &d));
+            let off = best.value - self.here.value - 0.5 * (slopes[0] + slopes[1]);
+            let curvature = dot(&change, &change) / (slopes[1] - slopes[0]);
+            let is_smooth = off.abs() <= SMOOTH * 0.5 * (slopes[1] - slopes[0]);
+            if is_smooth && curvature <= STEEPEST * self.first_weight {
+                self.model.learn(&d, &change, self.weight);
+            }
             self.model.add(Plane::new(best.gradient.clone(), 0.0, 0.0));
             self.largest_value = self.largest_value.max(best.value.abs());
+            self.report.gradient_norm = self.report.gradient_norm.max(norm(&best.gradient));
             self.here = best;
         }
         let mut error = 0.0;

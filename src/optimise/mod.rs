@@ -4,13 +4,11 @@
 //! gradient at each point suffice. Where f is not convex, linearisations count the less the farther away they were taken (subgradient locality
 //! measures) and a two-point search along each direction finds a better point or a gradient that the model lacks (K. C. Kiwiel, *Methods of
 //! Descent for Nondifferentiable Optimization*, 1985, and Math. Program. 46 (1990); M. M. Mäkelä, P. Neittaanmäki, *Nonsmooth
-//! Optimization*, 1992; for problems with equilibrium constraints J. Outrata, M. Kočvara, J. Zowe, 1998). The quadratic programs are
-//! solved by [`Lemke`](crate::complementarity::pivoting::Lemke).
+//! Optimization*, 1992; for problems with equilibrium constraints J. Outrata, M. Kočvara, J. Zowe, 1998). The metric of its
+//! quadratic programs learns by BFGS updates where f is smooth; they are solved by [`Lemke`](crate::complementarity::pivoting::Lemke).
 //!
 //! [`Implicit`] is f(x(θ), θ): it solves a complementarity problem, and takes the element from [`Sensitivity`](crate::sensitivity::Sensitivity),
 //! by one adjoint solve. [`minimise`](crate::minimise) is the door to both.
-//!
-//! Gradients are all it knows: in a smooth valley whose sides are far steeper than its bottom it takes hundreds of iterations.
 //!
 //! The method is local. What it finds is stationary in the sense of Clarke, to the tolerance: whether it is a minimum is not decided, and other
 //! starts may lead to better points. Where the problem of x has several solutions, f belongs to the branch that the solver follows from x at the

@@ -11,6 +11,9 @@ use crate::variational::{Multipliers, Polyhedron, VariationalError};
 const ACCURATE: f64 = 1e-10;
 const CUT: f64 = 0.1;
 
+/// Cosine of the angle between a step and the change of the gradient from which on M is updated.
+const SOUND: f64 = 1e-6;
+
 /// A linearisation of f, or a convex combination of some.
 #[derive(Debug, Clone)]
 pub(super) struct Plane {
@@ -68,13 +71,18 @@ impl Direction {
 pub(super) struct Model {
     pub(super) planes: Vec<Plane>,
     pub(super) curvature: f64,
+    /// M of the term ½ u dᵀM d, by rows.
+    metric: Vec<f64>,
     capacity: usize,
     lemke: Lemke,
 }
 
 impl Model {
-    pub(super) fn new(capacity: usize) -> Self {
+    pub(super) fn new(capacity: usize, n: usize) -> Self {
         Self {
+            metric: (0..n * n)
+                .map(|k| f64::from(u8::from(k % (n + 1) == 0)))
+                .collect(),
             planes: Vec::new(),
             curvature: 0.0,
             capacity,
@@ -89,6 +97,23 @@ impl Model {
             plane.error += change - dot(&plane.gradient, d);
             plane.distance += length;
             plane.radius += length;
+        }
+    }
+
+    /// The update of C. G. Broyden, R. Fletcher, D. Goldfarb and D. F. Shanno after a step s along which the gradient changed by y: M learns
+    /// what is smooth in f, the planes have the rest.
+    pub(super) fn learn(&mut self, s: &[f64], y: &[f64], u: f64) {
+        let n = s.len();
+        let ms: Vec<f64> = (0..n).map(|i| dot(&self.metric[i * n..(i + 1) * n], s)).collect();
+        let (curvature, own) = (dot(s, y), dot(s, &ms));
+        let is_sound = curvature > SOUND * norm(s) * norm(y) && own > 0.0;
+        if !is_sound {
+            return;
+        }
+        for i in 0..n {
+            for j in 0..n {
+                self.metric[i * n + j] += y[i] * y[j] / (u * curvature) - ms[i] * ms[j] / own;
+            }
         }
     }
 
@@ -119,7 +144,7 @@ impl Model {
         self.planes.push(all);
     }
 
-    /// The minimum of max (gⱼᵀd − βⱼ) + ½ u ‖d‖² over the d with θ + d in the set; `None` where the quadratic program was not solved.
+    /// The minimum of max (gⱼᵀd − βⱼ) + ½ u dᵀM d over the d with θ + d in the set; `None` where the quadratic program was not solved.
     ///
     /// Its conditions are a monotone linear complementarity problem in d, the decrease w ≥ 0 of the first term and the multipliers of all rows.
     /// It is stated in the units of gradients at the iterate and of the length of its step.
@@ -136,7 +161,12 @@ impl Model {
         let [inequalities, equations] = set.rows();
         let first = n + 1 + planes;
         let size = first + inequalities.len() + equations.len();
-        let mut entries: Vec<_> = (0..n).map(|i| (i, i, 1.0)).collect();
+        let mut entries: Vec<_> = self
+            .metric
+            .iter()
+            .enumerate()
+            .map(|(k, m)| (k / n, k % n, *m))
+            .collect();
         let (mut q, mut lower, mut upper) = (vec![0.0; size], vec![0.0; size], vec![f64::INFINITY; size]);
         let mut row = |i: usize, j: usize, v: f64| entries.extend([(i, j, -v), (j, i, v)]);
         q[n] = -1.0;

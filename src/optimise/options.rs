@@ -12,7 +12,7 @@ use crate::options::setters;
     serde(default, deny_unknown_fields)
 )]
 pub struct BundleOptions {
-    /// Where the run ends: the aggregate subgradient is at most this part of the largest gradient that was evaluated, and also
+    /// Where the run ends: the aggregate subgradient is at most this part of the largest gradient at an iterate, and also
     /// [`value_tolerance`](Self::value_tolerance) is met. Default 1e-6; rounding in the quadratic programs ends runs at about 1e-8.
     pub tolerance: f64,
     /// The aggregate linearisation error is at most this part of the largest |f| at an iterate. Default 1e-9.

@@ -34,7 +34,7 @@ pub struct BundleIteration {
     pub subgradient_norm: f64,
     /// The aggregate linearisation error, see [`BundleReport::error`].
     pub error: f64,
-    /// The weight u of ½ u ‖d‖² in the model.
+    /// The weight u of ½ u dᵀM d in the model.
     pub weight: f64,
     /// Evaluations of f so far.
     pub evaluations: usize,
@@ -60,7 +60,7 @@ pub struct BundleReport {
     pub subgradient: Vec<f64>,
     /// ‖p + ν‖₂.
     pub subgradient_norm: f64,
-    /// The largest Euclidean norm of a gradient that was evaluated, which the norm above is compared with.
+    /// The largest Euclidean norm of a gradient at an iterate, which the norm above is compared with.
     pub gradient_norm: f64,
     /// By how much the linearisations that p combines differ from f, and constraints that ν combines are from active: at least 0.
     pub error: f64,

@@ -54,7 +54,7 @@ fn parameters_of_the_objective_alone() {
         |z, p| (z[0] - p[1]).abs() + (p[1] - 0.5).powi(2),
         |z, p| vec![2.0 * z[0] - p[0]],
         [&[0.0], &[f64::INFINITY]],
-        &Polyhedron::boxed(vec![-4.0; 2], vec![4.0; 2]).unwrap(),
+        &Polyhedron::boxed(vec![0.0; 2], vec![4.0; 2]).unwrap(),
         (&[1.0], &[3.0, 3.0]),
     )
     .unwrap();
