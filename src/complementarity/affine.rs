@@ -23,14 +23,24 @@ impl AffineFunction {
                 expected: "M has as many columns as rows, or one more (the parameter)",
             });
         }
-        Self::of_columns(matrix, q)
+        Self::with_parameters(matrix, q)
     }
 
-    /// M x + q, the variables behind as many as there are rows being parameters.
-    pub(super) fn of_columns(matrix: Matrix, q: Vec<f64>) -> Result<Self, ComplementarityError> {
-        let rows = matrix.nrows();
+    /// The function M x + q with parameters: the variables behind as many as there are rows.
+    ///
+    /// # Errors
+    /// Entries that are not finite; fewer columns than rows, q of another length; n = 0.
+    pub fn with_parameters(matrix: Matrix, q: Vec<f64>) -> Result<Self, ComplementarityError> {
+        let (rows, cols) = (matrix.nrows(), matrix.ncols());
         if rows == 0 {
             return Err(ComplementarityError::Empty);
+        }
+        if cols < rows {
+            return Err(ComplementarityError::Dimensions {
+                vars: cols,
+                values: rows,
+                expected: "M has as many columns as rows, and those behind them belong to parameters",
+            });
         }
         check_finite("q", &q, rows)?;
         matrix.check_finite()?;

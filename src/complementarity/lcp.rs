@@ -136,7 +136,7 @@ impl Lcp {
         let moved = columns.triplets().map(|(i, j, v)| (i, n + j, v));
         let entries: Vec<_> = self.matrix().triplets().chain(moved).collect();
         let matrix = Matrix::from_triplets(n, n + columns.ncols(), &entries)?;
-        let function = AffineFunction::of_columns(matrix, self.q().to_vec())?;
+        let function = AffineFunction::with_parameters(matrix, self.q().to_vec())?;
         Mcp::with_parameters(function, self.lower().to_vec(), self.upper().to_vec())
     }
 

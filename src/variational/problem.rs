@@ -5,7 +5,7 @@ use crate::sparse::{Matrix, Pattern};
 
 /// The variational inequality VI(F, C) over a polyhedron: find x ∈ C with F(x)ᵀ(y − x) ≥ 0 for all y ∈ C.
 ///
-/// F has n variables, or n + 1 where the last one is a parameter.
+/// F has n variables, and behind them parameters, if any.
 ///
 /// # Normal map
 /// With P the projection on C, x is a solution if and only if x = P(z) for a zero z of F(P(z)) + z − P(z), the normal map of S. M. Robinson
@@ -44,10 +44,41 @@ impl<F: McpFunction> Vi<F> {
     /// # Errors
     /// F with another number of values or variables than C has, or a pattern of another shape.
     pub fn new(function: F, set: Polyhedron) -> Result<Self, VariationalError> {
-        let n = set.dimension();
-        check_length("F", function.num_values(), n)?;
-        let vars = function.num_vars();
+        let (n, vars) = (set.dimension(), function.num_vars());
         if vars != n + 1 {
+            check_length("the argument of F", vars, n)?;
+        }
+        Self::with_parameters(function, set)
+    }
+
+    /// The problem of a function F of the n unknowns and behind them k ≥ 0 parameters: its [conditions](Self::kkt) are a map for
+    /// [`Sensitivity`](crate::sensitivity::Sensitivity) at a solution with its multipliers (x, λ, μ). Where multipliers are not unique,
+    /// as at vertices where more rows are active than C has dimensions, these conditions are not known to have derivatives, whether x has
+    /// or not.
+    ///
+    /// ```
+    /// use semismooth::complementarity::AffineFunction;
+    /// use semismooth::sensitivity::Sensitivity;
+    /// use semismooth::sparse::Matrix;
+    /// use semismooth::variational::{Polyhedron, Vi};
+    /// // The nearest point of {x₁ + x₂ ≤ 1} to θ = (1, 1) is ½ (1, 1), with λ = ½; it moves along the line alone.
+    /// let rows = Matrix::from_rows(&[[1.0, 1.0]])?;
+    /// let set = Polyhedron::space(2)?.with_inequalities(rows, vec![1.0])?;
+    /// let offset = Matrix::from_rows(&[[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]])?;
+    /// let vi = Vi::with_parameters(AffineFunction::with_parameters(offset, vec![0.0; 2])?, set)?;
+    /// let mut found = Sensitivity::new(vi.kkt()?, &[0.5, 0.5, 0.5], &[1.0, 1.0])?;
+    /// assert_eq!(found.differentiable()?.known(), Some(true));
+    /// let rate = found.jvp(&[1.0, 0.0])?;
+    /// assert!((rate[0] - 0.5).abs() < 1e-12 && (rate[1] + 0.5).abs() < 1e-12 && (rate[2] - 0.5).abs() < 1e-12);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// F with another number of values or fewer variables than C has, or a pattern of another shape.
+    pub fn with_parameters(function: F, set: Polyhedron) -> Result<Self, VariationalError> {
+        let (n, vars) = (set.dimension(), function.num_vars());
+        check_length("F", function.num_values(), n)?;
+        if vars < n {
             check_length("the argument of F", vars, n)?;
         }
         let pattern = function.pattern();
@@ -68,8 +99,8 @@ impl<F: McpFunction> Vi<F> {
         &self.set
     }
 
-    /// The Karush–Kuhn–Tucker conditions as a mixed complementarity problem in (x, λ, μ), of lengths n, m, k (then the parameter, if
-    /// there is one):
+    /// The Karush–Kuhn–Tucker conditions as a mixed complementarity problem in (x, λ, μ), of lengths n, m, k (then the
+    /// parameters, if there are any):
     ///
     /// * l ≤ x ≤ u ⟂ F(x) + Aᵀλ + Eᵀμ,
     /// * 0 ≤ λ ⟂ b − A x ≥ 0,
@@ -87,7 +118,7 @@ impl<F: McpFunction> Vi<F> {
         lower.resize(lower.len() + m, 0.0);
         lower.resize(lower.len() + k, f64::NEG_INFINITY);
         upper.resize(lower.len(), f64::INFINITY);
-        Ok(Mcp::new(
+        Ok(Mcp::with_parameters(
             ViConditions::new(&self.function, &self.set)?,
             lower,
             upper,
@@ -112,8 +143,8 @@ impl<F: McpFunction> ViConditions<F> {
         let n = set.dimension();
         let (m, k) = (set.a.len(), set.e.len());
         let total = n + m + k;
-        let parametric = function.num_vars() > n;
-        let place = |j: usize| if j < n { j } else { total };
+        let parameters = function.num_vars() - n;
+        let place = |j: usize| if j < n { j } else { total + j - n };
         let own = function.pattern();
         let own = (0..own.ncols()).flat_map(|j| {
             let span = own.col_ptr()[j]..own.col_ptr()[j + 1];
@@ -129,7 +160,7 @@ impl<F: McpFunction> ViConditions<F> {
         }
         let entries = triplets.iter().map(|t| (t.0, t.1)).chain(own);
         let diagonal = (0..total).map(|i| (i, i));
-        let pattern = Pattern::from_entries(total, total + usize::from(parametric), entries.chain(diagonal))?;
+        let pattern = Pattern::from_entries(total, total + parameters, entries.chain(diagonal))?;
         let mut coupling = Matrix::zeros(pattern);
         for (i, j, v) in triplets {
             coupling.add(i, j, v);
@@ -142,7 +173,7 @@ impl<F: McpFunction> ViConditions<F> {
                     all.add(i, place(j), v);
                 }
                 let q = f.q().iter().chain(&constants).copied().collect();
-                Some(AffineFunction::new(all, q)?)
+                Some(AffineFunction::with_parameters(all, q)?)
             }
             _ => None,
         };
@@ -161,7 +192,7 @@ impl<F: McpFunction> ViConditions<F> {
             return &x[..self.n];
         }
         room.extend_from_slice(&x[..self.n]);
-        room.extend(x.last());
+        room.extend_from_slice(&x[self.coupling.nrows()..]);
         room
     }
 }
@@ -197,7 +228,7 @@ impl<F: McpFunction> McpFunction for ViConditions<F> {
         }
         let last = self.coupling.nrows();
         for (i, j, v) in own.triplets() {
-            jac.add(i, if j < self.n { j } else { last }, v);
+            jac.add(i, if j < self.n { j } else { last + j - self.n }, v);
         }
         if jac.pattern() == self.coupling.pattern() {
             let values = jac.values_mut().iter_mut().zip(self.coupling.values());

@@ -191,6 +191,16 @@ fn problems() {
             });
         }
     }
+    let parametric = "complementarity::AffineFunction::with_parameters";
+    t.refuses(parametric, "more rows than columns", "parameters", || {
+        AffineFunction::with_parameters(rows(&[&[1.0], &[1.0]]), vec![1.0; 2])
+    });
+    t.refuses(parametric, "q of another length", "q", || {
+        AffineFunction::with_parameters(definite(), vec![1.0])
+    });
+    t.refuses(parametric, "no unknowns", "no variables", || {
+        AffineFunction::with_parameters(empty(), vec![])
+    });
     t.refuses("complementarity::Lcp::new", "no unknowns", "no variables", || {
         Lcp::new(empty(), vec![])
     });

@@ -187,6 +187,18 @@ fn problems(t: &mut Table) {
         };
         t.refuses(new, "shapes that do not fit", names, || Vi::new(&shape, set()));
     }
+    let with = "variational::Vi::with_parameters";
+    t.refuses(with, "fewer variables", "F has length 1, expected 2", || {
+        Vi::with_parameters(affine(1), set())
+    });
+    t.refuses(with, "no variables", "the argument of F has length 1", || {
+        let shape = Shape {
+            vars: 1,
+            values: 2,
+            pattern: (2, 1),
+        };
+        Vi::with_parameters(&shape, set()).map(drop)
+    });
     let all = "variational::Vi::all_solutions";
     let o = EnumerationOptions::default;
     t.refuses(all, "F that is curved", "affine", || {
@@ -195,6 +207,22 @@ fn problems(t: &mut Table) {
     t.refuses(all, "a parameter", "parameter", || {
         Vi::new(parametric(), set()).unwrap().all_solutions(&o())
     });
+    t.refuses(all, "two parameters", "parameter", || {
+        let wide = Matrix::from_rows(&[[1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 1.0]]).unwrap();
+        let function = AffineFunction::with_parameters(wide, vec![0.0; 2]).unwrap();
+        Vi::with_parameters(function, set()).unwrap().all_solutions(&o())
+    });
+    t.refuses(
+        "variational::ViSolver::solve",
+        "two parameters",
+        "parameter",
+        || {
+            let wide = Matrix::from_rows(&[[1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 1.0]]).unwrap();
+            let function = AffineFunction::with_parameters(wide, vec![0.0; 2]).unwrap();
+            let vi = Vi::with_parameters(function, set()).unwrap();
+            ViSolver::default().solve(&vi, &mut vec![0.0; 2]).map(|_| ())
+        },
+    );
     t.refuses(all, "options out of range", "tolerance", || {
         Vi::new(affine(2), set())
             .unwrap()

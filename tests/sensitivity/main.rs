@@ -5,6 +5,7 @@
 mod random;
 
 mod contact;
+mod degenerate;
 mod exact;
 mod history;
 mod kinks;
