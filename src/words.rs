@@ -15,7 +15,7 @@ const SHOWN: usize = 40;
 /// let wrong = "wedge".parse::<CellKind>().unwrap_err();
 /// assert_eq!(
 ///     wrong.to_string(),
-///     "\"wedge\" is no kind of cell: write triangle, quadrilateral, tetrahedron, hexahedron or triangle6"
+///     "\"wedge\" is no kind of cell: write triangle, quadrilateral, tetrahedron, hexahedron, triangle6, quadrilateral8, quadrilateral9, tetrahedron10, hexahedron20 or hexahedron27"
 /// );
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Error)]

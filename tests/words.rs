@@ -44,6 +44,11 @@ fn names_are_read_back() {
         CellKind::Tetrahedron,
         CellKind::Hexahedron,
         CellKind::Triangle6,
+        CellKind::Quadrilateral8,
+        CellKind::Quadrilateral9,
+        CellKind::Tetrahedron10,
+        CellKind::Hexahedron20,
+        CellKind::Hexahedron27,
     ]);
     read_back(&[PlaneModel::Strain, PlaneModel::Stress, PlaneModel::Axisymmetric]);
     read_back(&[Dilatation::Automatic, Dilatation::Pointwise, Dilatation::Mean]);

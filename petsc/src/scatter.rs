@@ -8,12 +8,17 @@ use semismooth::fem::{CellKind, FemError, Mesh};
 use crate::ffi::Int;
 use crate::world::{PetscError, World};
 
-const KINDS: [CellKind; 5] = [
+const KINDS: [CellKind; 10] = [
     CellKind::Triangle,
     CellKind::Quadrilateral,
     CellKind::Tetrahedron,
     CellKind::Hexahedron,
     CellKind::Triangle6,
+    CellKind::Quadrilateral8,
+    CellKind::Quadrilateral9,
+    CellKind::Tetrahedron10,
+    CellKind::Hexahedron20,
+    CellKind::Hexahedron27,
 ];
 
 /// Which process owns each node: recursive bisection of the longest side of the box around the nodes.

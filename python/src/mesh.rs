@@ -10,12 +10,17 @@ use crate::arrays::{counted, indices, rows, truncated};
 use crate::errors::raised;
 use crate::saving::{data, data_of, state_of};
 
-const KINDS: [(CellKind, &str, &str); 5] = [
+const KINDS: [(CellKind, &str, &str); 10] = [
     (CellKind::Triangle, "triangle", "triangle"),
     (CellKind::Quadrilateral, "quad", "quadrilateral"),
     (CellKind::Tetrahedron, "tetra", "tetrahedron"),
     (CellKind::Hexahedron, "hexahedron", "hexahedron"),
     (CellKind::Triangle6, "triangle6", "triangle6"),
+    (CellKind::Quadrilateral8, "quad8", "quadrilateral8"),
+    (CellKind::Quadrilateral9, "quad9", "quadrilateral9"),
+    (CellKind::Tetrahedron10, "tetra10", "tetrahedron10"),
+    (CellKind::Hexahedron20, "hexahedron20", "hexahedron20"),
+    (CellKind::Hexahedron27, "hexahedron27", "hexahedron27"),
 ];
 
 /// Cells of one kind: its name, and their nodes.
@@ -28,8 +33,9 @@ type Block<'py> = (&'static str, Bound<'py, PyArray2<i64>>);
 /// ----------
 /// points : array of shape (number of nodes, d), d = 2 or 3
 /// cells : dict, or list of pairs
-///     Kind ("triangle", "quad", "tetra", "hexahedron", "triangle6", as meshio calls them) and an integer array of shape (k, nodes of a cell), numbered
-///     as in meshio, VTK and Gmsh. Cells numbered clockwise are reversed.
+///     Kind ("triangle", "quad", "tetra", "hexahedron", and of second order "triangle6", "quad8", "quad9", "tetra10", "hexahedron20",
+///     "hexahedron27", as meshio calls them) and an integer array of shape (k, nodes of a cell), numbered as in meshio and VTK. Cells
+///     numbered clockwise are reversed.
 /// facets, cell_groups : dict, optional
 ///     Names with facets, an integer array of shape (k, nodes of a facet) or a list of lists, and with cells: numbers, or a mask of shape
 ///     (number of cells,).
@@ -90,8 +96,10 @@ impl Mesh {
         for block in blocks.try_iter()? {
             let (kind, nodes): (String, Bound<'_, PyAny>) = block?.extract()?;
             let Some(&(kind, ..)) = KINDS.iter().find(|(_, a, b)| *a == kind || *b == kind) else {
+                let known: Vec<_> = KINDS.iter().map(|k| k.1).collect();
                 return Err(PyValueError::new_err(format!(
-                    "cells of kind \"{kind}\" are not known: a mesh has triangle, quad, tetra and hexahedron, with nodes at the corners alone"
+                    "cells of kind \"{kind}\" are not known: a mesh has {}",
+                    known.join(", ")
                 )));
             };
             all.extend(lists(&nodes, "cells")?.into_iter().map(|nodes| (kind, nodes)));
@@ -124,7 +132,7 @@ impl Mesh {
         Ok(Self { mesh })
     }
 
-    /// Reads a file of Gmsh (.msh, versions 2 and 4, text); its physical groups become groups.
+    /// Reads a file of Gmsh (.msh, versions 2 and 4; elements of first or second order); its physical groups become groups.
     #[staticmethod]
     fn read_gmsh(py: Python<'_>, path: std::path::PathBuf) -> PyResult<Self> {
         let mesh = py.detach(|| fem::read_gmsh(path)).map_err(raised)?;
@@ -283,9 +291,16 @@ impl Mesh {
         Ok(Self { mesh })
     }
 
-    /// The same mesh with triangles of second order ("triangle6") in place of its triangles; groups are kept.
+    /// The same mesh with cells of second order ("triangle6", "quad9", "tetra10", "hexahedron27") in place of its cells; groups are kept.
     fn second_order(&self, py: Python<'_>) -> PyResult<Self> {
         let mesh = py.detach(|| self.mesh.second_order()).map_err(raised)?;
+        Ok(Self { mesh })
+    }
+
+    /// As :meth:`second_order`, but with nodes in the middles of edges alone ("quad8", "hexahedron20"): fewer unknowns, and less accurate where
+    /// cells are no parallelograms.
+    fn serendipity(&self, py: Python<'_>) -> PyResult<Self> {
+        let mesh = py.detach(|| self.mesh.serendipity()).map_err(raised)?;
         Ok(Self { mesh })
     }
 

@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
-use super::cell_points::points_of;
+use super::cell_points::Points;
 use super::elasticity::{Dilatation, Elasticity};
 use super::element::map_cell;
 use super::facet::integrate;
@@ -230,7 +230,9 @@ impl ElasticSystem {
                         CellKind::Triangle => {
                             "mesh with quadrilaterals, or take triangles of second order (Mesh::second_order)"
                         }
-                        CellKind::Tetrahedron => "mesh with hexahedra",
+                        CellKind::Tetrahedron => {
+                            "mesh with hexahedra, or take tetrahedra of second order (Mesh::second_order)"
+                        }
                         _ => "take the mean of the volumetric strain (Dilatation::Automatic)",
                     };
                     format!(
@@ -254,7 +256,7 @@ impl ElasticSystem {
     fn locks(&self, cell: usize) -> bool {
         let (kind, material) = (self.mesh.kind(cell), self.material_of[cell]);
         let compressed = self.mesh.dim() == 3 || self.plane != PlaneModel::Stress;
-        let stiff = kind.is_simplex() || kind.is_box() && !self.mean_dilatation[material];
+        let stiff = kind.has_constant_strain() || kind.is_box() && !self.mean_dilatation[material];
         compressed && stiff && self.materials[material].locks()
     }
 
@@ -345,10 +347,10 @@ impl ElasticSystem {
         let mut load = vec![0.0; self.num_free()];
         for cell in 0..self.mesh.num_cells() {
             let kind = self.mesh.kind(cell);
-            let corners = self.mesh.corners(cell);
-            for (x, weight) in kind.quadrature() {
-                let (shape, _, det) = map_cell(kind, &corners[..kind.num_nodes()], x);
-                let at = interpolate(&corners, &shape[..kind.num_nodes()]);
+            let nodes = self.mesh.nodes_at(cell);
+            for (x, weight) in kind.reference().quadrature() {
+                let (shape, _, det) = map_cell(kind, &nodes[..kind.num_nodes()], x);
+                let at = interpolate(&nodes, &shape);
                 let weight = weight * self.round(at);
                 let f = self.checked("the volume force", at, force(at))?;
                 for (&node, s) in self.mesh.cell(cell).iter().zip(&shape) {
@@ -463,8 +465,8 @@ impl ElasticSystem {
         let stress = |cell: usize| {
             let kind = self.mesh.kind(cell);
             let nodes = self.mesh.cell(cell);
-            let corners = self.mesh.corners(cell);
-            let (shape, gradient, _) = map_cell(kind, &corners[..nodes.len()], kind.centre());
+            let places = self.mesh.nodes_at(cell);
+            let (shape, gradient, _) = map_cell(kind, &places[..nodes.len()], kind.reference().centre());
             // h[d][e] = ∂u_d/∂x_e
             let mut h = [[0.0; 3]; 3];
             for (&node, g) in nodes.iter().zip(&gradient) {
@@ -475,14 +477,14 @@ impl ElasticSystem {
                 }
             }
             if self.is_revolved() {
-                let radius = interpolate(&corners, &shape)[0];
+                let radius = interpolate(&places, &shape)[0];
                 let along = nodes.iter().zip(&shape).map(|(n, s)| s * u[dim * n]);
                 h[2][2] = along.sum::<f64>() / radius;
             }
             let mut strain = VOIGT.map(|[i, j]| if i == j { h[i][i] } else { h[i][j] + h[j][i] });
             if self.mean_dilatation[self.material_of[cell]] && kind.is_box() {
                 let (mut dilatation, mut volume) = (0.0, 0.0);
-                for point in points_of(kind, &corners, false, self.is_revolved()) {
+                for point in Points::of(kind, &places, false, self.is_revolved()).iter() {
                     volume += point.volume;
                     for (a, &node) in nodes.iter().enumerate() {
                         let own = (0..dim).map(|d| u[dim * node + d] * point.dilatation(a, d));
@@ -554,11 +556,11 @@ fn fix_axis(mesh: &Mesh, fixed: &mut [bool], prescribed: &[f64]) -> Result<(), F
     Ok(())
 }
 
-fn interpolate(corners: &[[f64; 3]], shape: &[f64]) -> [f64; 3] {
+fn interpolate(nodes: &[[f64; 3]], shape: &[f64]) -> [f64; 3] {
     let mut at = [0.0; 3];
-    for (corner, s) in corners.iter().zip(shape) {
+    for (node, s) in nodes.iter().zip(shape) {
         for d in 0..3 {
-            at[d] += s * corner[d];
+            at[d] += s * node[d];
         }
     }
     at

@@ -1,96 +1,147 @@
-//! Quadrature points of a cell with the strains of its nodal displacements.
+//! Quadrature points of cells with the strains of nodal displacements.
 
 use std::f64::consts::TAU;
 
-use super::element::{CellKind, MAX_NODES, map_cell};
+use super::element::{CellKind, map_cell};
 use super::material::VOIGT;
 
-/// A quadrature point.
+/// What a node of a cell contributes to the strain at a quadrature point.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Point {
-    /// Its volume (weight times Jacobian determinant; of the whole ring in a body of revolution).
-    pub(super) volume: f64,
-    /// Gradients of the shape functions.
-    pub(super) gradient: [[f64; 3]; MAX_NODES],
-    /// In bodies of revolution the shape functions over the radius, ∂ε₃₃/∂u₁; elsewhere 0.
-    pub(super) hoop: [f64; MAX_NODES],
-    /// A third of the correction of each gradient by the mean over the cell.
-    pub(super) mean: [[f64; 3]; MAX_NODES],
+pub(super) struct Share {
+    /// The gradient of its shape function.
+    gradient: [f64; 3],
+    /// In bodies of revolution its shape function over the radius, ∂ε₃₃/∂u₁; elsewhere 0.
+    hoop: f64,
+    /// A third of the correction of the gradient by the mean over the cell.
+    mean: [f64; 3],
 }
 
-impl Point {
-    /// The volumetric strain under a unit displacement of a node of the cell.
-    pub(super) fn dilatation(&self, node: usize, component: usize) -> f64 {
-        let hoop = if component == 0 { self.hoop[node] } else { 0.0 };
-        self.gradient[node][component] + hoop
+impl Share {
+    /// The volumetric strain under a unit displacement.
+    fn dilatation(&self, component: usize) -> f64 {
+        self.gradient[component] + if component == 0 { self.hoop } else { 0.0 }
     }
 
-    /// The strain under a unit displacement of a node of the cell.
-    pub(super) fn column(&self, node: usize, component: usize) -> [f64; 6] {
+    /// The strain under a unit displacement.
+    pub(super) fn column(&self, component: usize) -> [f64; 6] {
         let mut column = [0.0; 6];
         for (s, [i, j]) in VOIGT.into_iter().enumerate() {
             if i == component {
-                column[s] = self.gradient[node][j];
+                column[s] = self.gradient[j];
             } else if j == component {
-                column[s] = self.gradient[node][i];
+                column[s] = self.gradient[i];
             }
             if i == j {
-                column[s] += self.mean[node][component];
+                column[s] += self.mean[component];
             }
         }
         if component == 0 {
-            column[2] += self.hoop[node];
+            column[2] += self.hoop;
         }
         column
     }
 }
 
-/// The quadrature points of a cell, one of a simplex unless strains vary with the radius; with `mean`, gradients of dilatation are means
-/// over the cell; `revolved`: a cell of a body of revolution, whose corners are at their radii.
-pub(super) fn points_of(
-    kind: CellKind,
-    corners: &[[f64; 3]; MAX_NODES],
-    mean: bool,
-    revolved: bool,
-) -> Vec<Point> {
-    let nodes = kind.num_nodes();
-    let mut quadrature = kind.quadrature();
-    if kind.is_simplex() && !revolved {
-        quadrature[0].1 = quadrature.iter().map(|p| p.1).sum();
-        quadrature.truncate(1);
+/// A quadrature point: its volume (weight times Jacobian determinant; of the whole ring in a body of revolution) and the nodes of its cell.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Point<'a> {
+    pub(super) volume: f64,
+    pub(super) shares: &'a [Share],
+}
+
+impl Point<'_> {
+    /// The volumetric strain under a unit displacement of a node of the cell.
+    pub(super) fn dilatation(&self, node: usize, component: usize) -> f64 {
+        self.shares[node].dilatation(component)
     }
-    let mut points: Vec<Point> = quadrature
-        .into_iter()
-        .map(|(at, weight)| {
-            let (shape, gradient, det) = map_cell(kind, &corners[..nodes], at);
+
+    /// The strain under a unit displacement of a node of the cell.
+    pub(super) fn column(&self, node: usize, component: usize) -> [f64; 6] {
+        self.shares[node].column(component)
+    }
+}
+
+/// Quadrature points of one cell or of many.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Points {
+    volumes: Vec<f64>,
+    /// Shares of point k: up to `ends[k]`.
+    ends: Vec<usize>,
+    shares: Vec<Share>,
+}
+
+impl Points {
+    /// Those of one cell; see [`add`](Self::add).
+    pub(super) fn of(kind: CellKind, nodes: &[[f64; 3]], mean: bool, revolved: bool) -> Self {
+        let mut points = Self::default();
+        points.add(kind, nodes, mean, revolved);
+        points
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.volumes.len()
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.volumes.clear();
+        self.ends.clear();
+        self.shares.clear();
+    }
+
+    pub(super) fn get(&self, k: usize) -> Point<'_> {
+        let begin = if k == 0 { 0 } else { self.ends[k - 1] };
+        Point {
+            volume: self.volumes[k],
+            shares: &self.shares[begin..self.ends[k]],
+        }
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = Point<'_>> {
+        (0..self.len()).map(|k| self.get(k))
+    }
+
+    /// Appends the quadrature points of a cell, one where its strains are constant; with `mean`, gradients of dilatation are means over the
+    /// cell; `revolved`: a cell of a body of revolution, whose nodes are at their radii.
+    pub(super) fn add(&mut self, kind: CellKind, nodes: &[[f64; 3]], mean: bool, revolved: bool) {
+        let (first, count) = (self.len(), kind.num_nodes());
+        let mut quadrature = kind.reference().quadrature();
+        if kind.has_constant_strain() && !revolved {
+            quadrature[0].1 = quadrature.iter().map(|p| p.1).sum();
+            quadrature.truncate(1);
+        }
+        for (at, weight) in quadrature {
+            let (shape, gradient, det) = map_cell(kind, &nodes[..count], at);
             // Points of integration lie inside the cell, and off the axis.
-            let radius: f64 = corners.iter().zip(shape).map(|(c, s)| s * c[0]).sum();
-            let (round, hoop) = match revolved {
-                true => (TAU * radius, shape.map(|s| s / radius)),
-                false => (1.0, [0.0; MAX_NODES]),
+            let radius: f64 = nodes.iter().zip(shape).map(|(c, s)| s * c[0]).sum();
+            let round = if revolved { TAU * radius } else { 1.0 };
+            self.volumes.push(weight * det * round);
+            let share = |a: usize| Share {
+                gradient: gradient[a],
+                hoop: if revolved { shape[a] / radius } else { 0.0 },
+                mean: [0.0; 3],
             };
-            Point {
-                volume: weight * det * round,
-                gradient,
-                hoop,
-                mean: [[0.0; 3]; MAX_NODES],
+            self.shares.extend((0..count).map(share));
+            self.ends.push(self.shares.len());
+        }
+        if mean {
+            self.average(first, count);
+        }
+    }
+
+    /// Takes means of the dilatation over the points of the last cell, from `first` on.
+    fn average(&mut self, first: usize, nodes: usize) {
+        let volumes = &self.volumes[first..];
+        let volume: f64 = volumes.iter().sum();
+        let begin = self.shares.len() - nodes * volumes.len();
+        let shares = &mut self.shares[begin..];
+        for a in 0..nodes {
+            for d in 0..3 {
+                let own = volumes.iter().zip(shares.chunks_exact(nodes));
+                let mean: f64 = own.map(|(v, shares)| v / volume * shares[a].dilatation(d)).sum();
+                for shares in shares.chunks_exact_mut(nodes) {
+                    shares[a].mean[d] = (mean - shares[a].dilatation(d)) / 3.0;
+                }
             }
-        })
-        .collect();
-    if !mean {
-        return points;
-    }
-    let volume: f64 = points.iter().map(|p| p.volume).sum();
-    let mut mean = [[0.0; 3]; MAX_NODES];
-    for point in &points {
-        for (a, mean) in mean.iter_mut().enumerate() {
-            (0..3).for_each(|d| mean[d] += point.volume / volume * point.dilatation(a, d));
         }
     }
-    for point in &mut points {
-        for (a, mean) in mean.iter().enumerate() {
-            point.mean[a] = std::array::from_fn(|d| (mean[d] - point.dilatation(a, d)) / 3.0);
-        }
-    }
-    points
 }

@@ -1,6 +1,7 @@
 use std::fmt;
 use std::sync::Arc;
 
+use super::element::Reference;
 use super::facet::integrate;
 use super::mesh::{by_position, cross, dot, norm};
 use super::{ElasticSystem, FemError};
@@ -280,7 +281,7 @@ impl ElasticSystem {
 impl ElasticSystem {
     /// The nodes of a group of facets as contact nodes. Nodes with all components prescribed are left out.
     ///
-    /// Edges of second order have multipliers at their corners alone, linear between them; their rows are means of the displacement,
+    /// Facets of second order have multipliers at their corners alone, linear between them; their rows are means of the displacement,
     /// weighted by these functions.
     ///
     /// Planes of symmetry: nodes whose displacement along ν is prescribed as 0 are left out, and tangents along which it is are
@@ -305,7 +306,8 @@ impl ElasticSystem {
         let mesh = self.mesh();
         let dim = mesh.dim();
         let group = mesh.facet_group(facets)?;
-        if dim == 2 && group.iter().any(|edge| edge.len() == 3) {
+        let is_second = |f: &Vec<usize>| f.len() > Reference::of_facet(dim, f.len()).num_corners();
+        if group.iter().any(is_second) {
             return self.contact_at_corners(facets, foundation);
         }
         let mut area = vec![0.0; mesh.num_nodes()];

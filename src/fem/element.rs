@@ -1,13 +1,15 @@
-//! Reference elements: shape functions, quadrature, topology.
+//! Reference elements: nodes, shape functions, quadrature, facets.
 
 use crate::words::named;
 
-/// Kinds of cells: with linear (simplices) or multilinear (boxes) shape functions, and a triangle of second order.
+/// Kinds of cells: with linear (simplices) or multilinear (boxes) shape functions, and isoparametric ones of second order.
 ///
-/// Nodes are numbered as in Gmsh and VTK: counter-clockwise in the plane; a tetrahedron with its fourth node on the side to which the
-/// normal of the first three points; a hexahedron as bottom face counter-clockwise seen from above, then top face. The
-/// six nodes of a triangle of second order are its corners, then the middles of the edges from the first to the second corner, from the
-/// second to the third and back, which may lie beside the chords.
+/// Corners are numbered as in Gmsh and VTK: counter-clockwise in the plane; a tetrahedron with its fourth node on the side to which the
+/// normal of the first three points; a hexahedron as bottom face counter-clockwise seen from above, then top face. In cells of second order
+/// the other nodes follow as in VTK: the middles of the edges, which may lie beside the chords (of triangles and quadrilaterals in the order
+/// of the [facets](Self::facets), from the first corner to the second and on round the cell; of tetrahedra around the first three corners,
+/// then up to the fourth; of hexahedra around the bottom, around the top, then upwards), the middles of the faces (of the 27 nodes those at
+/// −x, x, −y, y, −z, z of the reference cell), the centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -20,47 +22,82 @@ pub enum CellKind {
     Tetrahedron,
     /// Eight nodes (Q1).
     Hexahedron,
-    /// Six nodes (P2), isoparametric.
+    /// Six nodes (P2).
     Triangle6,
+    /// Eight nodes (serendipity): the middles of the edges.
+    Quadrilateral8,
+    /// Nine nodes (Q2).
+    Quadrilateral9,
+    /// Ten nodes (P2).
+    Tetrahedron10,
+    /// Twenty nodes (serendipity): the middles of the edges.
+    Hexahedron20,
+    /// Twenty-seven nodes (Q2).
+    Hexahedron27,
 }
 
 named!(CellKind, "kind of cell", Self::ALL);
 
 /// Largest number of nodes of a cell.
-pub(super) const MAX_NODES: usize = 8;
-
-const G: f64 = 0.577_350_269_189_625_8;
+pub(super) const MAX_NODES: usize = 27;
+/// Largest number of nodes of a facet.
+pub(super) const MAX_FACET: usize = 9;
 
 impl CellKind {
-    const ALL: [Self; 5] = [
+    const ALL: [Self; 10] = [
         Self::Triangle,
         Self::Quadrilateral,
         Self::Tetrahedron,
         Self::Hexahedron,
         Self::Triangle6,
+        Self::Quadrilateral8,
+        Self::Quadrilateral9,
+        Self::Tetrahedron10,
+        Self::Hexahedron20,
+        Self::Hexahedron27,
     ];
+
+    pub(super) const fn reference(self) -> Reference {
+        let (shape, nodes) = match self {
+            Self::Triangle => (Shape::Triangle, 3),
+            Self::Triangle6 => (Shape::Triangle, 6),
+            Self::Quadrilateral => (Shape::Quadrilateral, 4),
+            Self::Quadrilateral8 => (Shape::Quadrilateral, 8),
+            Self::Quadrilateral9 => (Shape::Quadrilateral, 9),
+            Self::Tetrahedron => (Shape::Tetrahedron, 4),
+            Self::Tetrahedron10 => (Shape::Tetrahedron, 10),
+            Self::Hexahedron => (Shape::Hexahedron, 8),
+            Self::Hexahedron20 => (Shape::Hexahedron, 20),
+            Self::Hexahedron27 => (Shape::Hexahedron, 27),
+        };
+        Reference { shape, nodes }
+    }
 
     /// 2 or 3.
     #[must_use]
     pub const fn dim(self) -> usize {
-        match self {
-            Self::Triangle | Self::Quadrilateral | Self::Triangle6 => 2,
-            Self::Tetrahedron | Self::Hexahedron => 3,
-        }
+        self.reference().dim()
     }
 
     /// Number of nodes.
     #[must_use]
     pub const fn num_nodes(self) -> usize {
-        match self {
-            Self::Triangle => 3,
-            Self::Quadrilateral | Self::Tetrahedron => 4,
-            Self::Hexahedron => 8,
-            Self::Triangle6 => 6,
-        }
+        self.reference().nodes
     }
 
-    /// "triangle", "quadrilateral", "tetrahedron", "hexahedron" or "triangle6".
+    /// Number of corners, which are the first nodes.
+    #[must_use]
+    pub const fn num_corners(self) -> usize {
+        self.reference().num_corners()
+    }
+
+    /// 1, or 2 where there are nodes beside the corners.
+    #[must_use]
+    pub const fn order(self) -> usize {
+        if self.reference().is_linear() { 1 } else { 2 }
+    }
+
+    /// "triangle", "quadrilateral", "tetrahedron", "hexahedron", of second order with the number of nodes: "triangle6".
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -69,18 +106,30 @@ impl CellKind {
             Self::Tetrahedron => "tetrahedron",
             Self::Hexahedron => "hexahedron",
             Self::Triangle6 => "triangle6",
+            Self::Quadrilateral8 => "quadrilateral8",
+            Self::Quadrilateral9 => "quadrilateral9",
+            Self::Tetrahedron10 => "tetrahedron10",
+            Self::Hexahedron20 => "hexahedron20",
+            Self::Hexahedron27 => "hexahedron27",
         }
     }
 
     /// Local nodes of the facets (edges in the plane, faces in space), ordered so that the normal points outwards: corners, then the
-    /// middle of an edge of second order.
+    /// middles of the edges from each to the next, then that of the face.
     #[must_use]
     pub const fn facets(self) -> &'static [&'static [usize]] {
         match self {
             Self::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
-            Self::Quadrilateral => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
             Self::Triangle6 => &[&[0, 1, 3], &[1, 2, 4], &[2, 0, 5]],
+            Self::Quadrilateral => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
+            Self::Quadrilateral8 | Self::Quadrilateral9 => &[&[0, 1, 4], &[1, 2, 5], &[2, 3, 6], &[3, 0, 7]],
             Self::Tetrahedron => &[&[0, 2, 1], &[0, 1, 3], &[1, 2, 3], &[0, 3, 2]],
+            Self::Tetrahedron10 => &[
+                &[0, 2, 1, 6, 5, 4],
+                &[0, 1, 3, 4, 8, 7],
+                &[1, 2, 3, 5, 9, 8],
+                &[0, 3, 2, 7, 9, 6],
+            ],
             Self::Hexahedron => &[
                 &[0, 3, 2, 1],
                 &[4, 5, 6, 7],
@@ -89,14 +138,206 @@ impl CellKind {
                 &[2, 3, 7, 6],
                 &[3, 0, 4, 7],
             ],
+            Self::Hexahedron20 => &[
+                &[0, 3, 2, 1, 11, 10, 9, 8],
+                &[4, 5, 6, 7, 12, 13, 14, 15],
+                &[0, 1, 5, 4, 8, 17, 12, 16],
+                &[1, 2, 6, 5, 9, 18, 13, 17],
+                &[2, 3, 7, 6, 10, 19, 14, 18],
+                &[3, 0, 4, 7, 11, 16, 15, 19],
+            ],
+            Self::Hexahedron27 => &[
+                &[0, 3, 2, 1, 11, 10, 9, 8, 24],
+                &[4, 5, 6, 7, 12, 13, 14, 15, 25],
+                &[0, 1, 5, 4, 8, 17, 12, 16, 22],
+                &[1, 2, 6, 5, 9, 18, 13, 17, 21],
+                &[2, 3, 7, 6, 10, 19, 14, 18, 23],
+                &[3, 0, 4, 7, 11, 16, 15, 19, 20],
+            ],
         }
     }
 
-    /// Quadrature points and weights on the reference cell, exact for the stiffness of an undistorted cell.
+    /// Whether gradients are constant on a cell, so that one quadrature point integrates the stiffness.
+    pub(super) const fn has_constant_strain(self) -> bool {
+        matches!(self, Self::Triangle | Self::Tetrahedron)
+    }
+
+    /// Quadrilaterals and hexahedra of first order.
+    pub(super) const fn is_box(self) -> bool {
+        matches!(self, Self::Quadrilateral | Self::Hexahedron)
+    }
+}
+
+/// Shapes of cells and their facets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Shape {
+    Segment,
+    Triangle,
+    Quadrilateral,
+    Tetrahedron,
+    Hexahedron,
+}
+
+/// A reference cell or facet: simplices with corners at the origin and the unit vectors, boxes (−1, 1)ᵈ. Nodes of second order follow the
+/// corners, those of the faces the middles of edges, so that each shape has one table of nodes, and elements the first ones of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Reference {
+    shape: Shape,
+    pub(super) nodes: usize,
+}
+
+const SEGMENT: [[f64; 3]; 3] = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0; 3]];
+const TRIANGLE: [[f64; 3]; 6] = [
+    [0.0; 3],
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.5, 0.0, 0.0],
+    [0.5, 0.5, 0.0],
+    [0.0, 0.5, 0.0],
+];
+const QUADRILATERAL: [[f64; 3]; 9] = [
+    [-1.0, -1.0, 0.0],
+    [1.0, -1.0, 0.0],
+    [1.0, 1.0, 0.0],
+    [-1.0, 1.0, 0.0],
+    [0.0, -1.0, 0.0],
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [-1.0, 0.0, 0.0],
+    [0.0; 3],
+];
+const TETRAHEDRON: [[f64; 3]; 10] = [
+    [0.0; 3],
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [0.5, 0.0, 0.0],
+    [0.5, 0.5, 0.0],
+    [0.0, 0.5, 0.0],
+    [0.0, 0.0, 0.5],
+    [0.5, 0.0, 0.5],
+    [0.0, 0.5, 0.5],
+];
+const HEXAHEDRON: [[f64; 3]; 27] = [
+    [-1.0, -1.0, -1.0],
+    [1.0, -1.0, -1.0],
+    [1.0, 1.0, -1.0],
+    [-1.0, 1.0, -1.0],
+    [-1.0, -1.0, 1.0],
+    [1.0, -1.0, 1.0],
+    [1.0, 1.0, 1.0],
+    [-1.0, 1.0, 1.0],
+    [0.0, -1.0, -1.0],
+    [1.0, 0.0, -1.0],
+    [0.0, 1.0, -1.0],
+    [-1.0, 0.0, -1.0],
+    [0.0, -1.0, 1.0],
+    [1.0, 0.0, 1.0],
+    [0.0, 1.0, 1.0],
+    [-1.0, 0.0, 1.0],
+    [-1.0, -1.0, 0.0],
+    [1.0, -1.0, 0.0],
+    [1.0, 1.0, 0.0],
+    [-1.0, 1.0, 0.0],
+    [-1.0, 0.0, 0.0],
+    [1.0, 0.0, 0.0],
+    [0.0, -1.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, 0.0, -1.0],
+    [0.0, 0.0, 1.0],
+    [0.0; 3],
+];
+/// Corners on either side of the middle nodes of a tetrahedron, of which the first three are those of a triangle.
+const ENDS: [[usize; 2]; 6] = [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]];
+
+/// Points and weights on (−1, 1).
+const GAUSS_2: [(f64, f64); 2] = [(-0.577_350_269_189_625_8, 1.0), (0.577_350_269_189_625_8, 1.0)];
+const GAUSS_3: [(f64, f64); 3] = [
+    (-0.774_596_669_241_483_4, 5.0 / 9.0),
+    (0.0, 8.0 / 9.0),
+    (0.774_596_669_241_483_4, 5.0 / 9.0),
+];
+
+impl Reference {
+    /// That of a facet of a body of a dimension, by the number of its nodes.
+    pub(super) const fn of_facet(dim: usize, nodes: usize) -> Self {
+        let shape = match (dim, nodes) {
+            (2, _) => Shape::Segment,
+            (_, 3 | 6) => Shape::Triangle,
+            _ => Shape::Quadrilateral,
+        };
+        Self { shape, nodes }
+    }
+
+    pub(super) const fn dim(self) -> usize {
+        match self.shape {
+            Shape::Segment => 1,
+            Shape::Triangle | Shape::Quadrilateral => 2,
+            Shape::Tetrahedron | Shape::Hexahedron => 3,
+        }
+    }
+
+    pub(super) const fn num_corners(self) -> usize {
+        match self.shape {
+            Shape::Segment => 2,
+            Shape::Triangle => 3,
+            Shape::Quadrilateral | Shape::Tetrahedron => 4,
+            Shape::Hexahedron => 8,
+        }
+    }
+
+    const fn is_linear(self) -> bool {
+        self.nodes == self.num_corners()
+    }
+
+    pub(super) const fn is_simplex(self) -> bool {
+        matches!(self.shape, Shape::Triangle | Shape::Tetrahedron)
+    }
+
+    /// Its nodes.
+    pub(super) fn points(self) -> &'static [[f64; 3]] {
+        let all: &[[f64; 3]] = match self.shape {
+            Shape::Segment => &SEGMENT,
+            Shape::Triangle => &TRIANGLE,
+            Shape::Quadrilateral => &QUADRILATERAL,
+            Shape::Tetrahedron => &TETRAHEDRON,
+            Shape::Hexahedron => &HEXAHEDRON,
+        };
+        &all[..self.nodes]
+    }
+
+    /// The same with its corners alone.
+    pub(super) const fn linear(self) -> Self {
+        Self {
+            nodes: self.num_corners(),
+            ..self
+        }
+    }
+
+    /// The corners around a node: itself, the ends of an edge, the corners of a face or of the cell.
+    pub(super) fn around(self, node: usize) -> impl Iterator<Item = usize> {
+        let (shares, _) = self.linear().functions(self.points()[node]);
+        (0..self.num_corners()).filter(move |&k| shares[k] > 0.0)
+    }
+
+    pub(super) const fn centre(self) -> [f64; 3] {
+        match self.shape {
+            Shape::Triangle => [1.0 / 3.0; 3],
+            Shape::Tetrahedron => [0.25; 3],
+            _ => [0.0; 3],
+        }
+    }
+
+    /// Quadrature points and weights, exact for the stiffness of an undistorted cell.
     pub(super) fn quadrature(self) -> Vec<([f64; 3], f64)> {
-        match self {
+        match self.shape {
+            Shape::Triangle if self.is_linear() => vec![
+                ([1.0 / 6.0, 1.0 / 6.0, 0.0], 1.0 / 6.0),
+                ([2.0 / 3.0, 1.0 / 6.0, 0.0], 1.0 / 6.0),
+                ([1.0 / 6.0, 2.0 / 3.0, 0.0], 1.0 / 6.0),
+            ],
             // Degree 4: D. A. Dunavant, Int. J. Numer. Methods Eng. 21 (1985).
-            Self::Triangle6 => [
+            Shape::Triangle => [
                 (0.445_948_490_915_964_9, 0.111_690_794_839_005_7),
                 (0.091_576_213_509_770_74, 0.054_975_871_827_660_93),
             ]
@@ -105,193 +346,132 @@ impl CellKind {
                 [[a, a], [1.0 - 2.0 * a, a], [a, 1.0 - 2.0 * a]].map(|[x, y]| ([x, y, 0.0], w))
             })
             .collect(),
-            Self::Triangle => vec![
-                ([1.0 / 6.0, 1.0 / 6.0, 0.0], 1.0 / 6.0),
-                ([2.0 / 3.0, 1.0 / 6.0, 0.0], 1.0 / 6.0),
-                ([1.0 / 6.0, 2.0 / 3.0, 0.0], 1.0 / 6.0),
-            ],
-            Self::Quadrilateral => [-G, G]
-                .iter()
-                .flat_map(|&y| [-G, G].map(|x| ([x, y, 0.0], 1.0)))
-                .collect(),
-            Self::Tetrahedron => {
+            Shape::Tetrahedron if self.is_linear() => {
                 let (a, b) = (0.585_410_196_624_968_5, 0.138_196_601_125_010_5);
                 [[b, b, b], [a, b, b], [b, a, b], [b, b, a]]
                     .map(|p| (p, 1.0 / 24.0))
                     .to_vec()
             }
-            Self::Hexahedron => {
-                let mut points = Vec::with_capacity(8);
-                for z in [-G, G] {
-                    for y in [-G, G] {
-                        points.extend([-G, G].map(|x| ([x, y, z], 1.0)));
-                    }
+            // Degree 5: N. J. Walkington, Quadrature on simplices of arbitrary dimension (2000).
+            Shape::Tetrahedron => {
+                let corners = [
+                    (0.310_885_919_263_300_6, 0.018_781_320_953_002_64),
+                    (0.092_735_250_310_891_23, 0.012_248_840_519_393_658),
+                ];
+                let (e, edge) = (0.045_503_704_125_649_65, 0.007_091_003_462_846_911);
+                let near = corners.iter().flat_map(|&(a, w)| {
+                    let b = 1.0 - 3.0 * a;
+                    [[a, a, a], [b, a, a], [a, b, a], [a, a, b]].map(|p| (p, w))
+                });
+                let f = 0.5 - e;
+                let middles = [[e, e, f], [e, f, e], [f, e, e], [f, f, e], [f, e, f], [e, f, f]];
+                near.chain(middles.map(|p| (p, edge))).collect()
+            }
+            _ => {
+                let rule: &[(f64, f64)] = if self.is_linear() { &GAUSS_2 } else { &GAUSS_3 };
+                let mut points = vec![([0.0; 3], 1.0)];
+                // The first coordinate runs fastest.
+                for d in (0..self.dim()).rev() {
+                    points = points
+                        .into_iter()
+                        .flat_map(|(at, weight)| {
+                            rule.iter().map(move |&(x, w)| {
+                                let mut at: [f64; 3] = at;
+                                at[d] = x;
+                                (at, weight * w)
+                            })
+                        })
+                        .collect();
                 }
                 points
             }
         }
     }
 
-    /// Whether gradients are constant on a cell, so that one quadrature point integrates the stiffness.
-    pub(super) const fn is_simplex(self) -> bool {
-        matches!(self, Self::Triangle | Self::Tetrahedron)
-    }
-
-    /// Quadrilaterals and hexahedra of first order.
-    pub(super) const fn is_box(self) -> bool {
-        matches!(self, Self::Quadrilateral | Self::Hexahedron)
-    }
-
-    /// The centre of the reference cell.
-    pub(super) const fn centre(self) -> [f64; 3] {
-        match self {
-            Self::Triangle | Self::Triangle6 => [1.0 / 3.0; 3],
-            Self::Tetrahedron => [0.25; 3],
-            Self::Quadrilateral | Self::Hexahedron => [0.0; 3],
-        }
-    }
-
-    /// Nodes of the reference cell.
-    pub(super) const fn corners(self) -> &'static [[f64; 3]] {
-        match self {
-            Self::Triangle6 => &[
-                [0.0; 3],
-                [1.0, 0.0, 0.0],
-                [0.0, 1.0, 0.0],
-                [0.5, 0.0, 0.0],
-                [0.5, 0.5, 0.0],
-                [0.0, 0.5, 0.0],
-            ],
-            Self::Triangle => &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-            Self::Quadrilateral => &[
-                [-1.0, -1.0, 0.0],
-                [1.0, -1.0, 0.0],
-                [1.0, 1.0, 0.0],
-                [-1.0, 1.0, 0.0],
-            ],
-            Self::Tetrahedron => &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            Self::Hexahedron => &[
-                [-1.0, -1.0, -1.0],
-                [1.0, -1.0, -1.0],
-                [1.0, 1.0, -1.0],
-                [-1.0, 1.0, -1.0],
-                [-1.0, -1.0, 1.0],
-                [1.0, -1.0, 1.0],
-                [1.0, 1.0, 1.0],
-                [-1.0, 1.0, 1.0],
-            ],
-        }
-    }
-
     /// Values and reference gradients of the shape functions.
-    pub(super) fn shape(self, x: [f64; 3]) -> ([f64; MAX_NODES], [[f64; 3]; MAX_NODES]) {
+    pub(super) fn functions(self, x: [f64; 3]) -> ([f64; MAX_NODES], [[f64; 3]; MAX_NODES]) {
         let mut value = [0.0; MAX_NODES];
         let mut gradient = [[0.0; 3]; MAX_NODES];
-        if self == Self::Triangle6 {
-            // By barycentric coordinates: λ (2 λ − 1) at corners, 4 λ μ at the middles of edges.
-            let l = [1.0 - x[0] - x[1], x[0], x[1]];
-            let d = [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
-            for a in 0..3 {
-                let b = (a + 1) % 3;
-                value[a] = l[a] * (2.0 * l[a] - 1.0);
-                value[3 + a] = 4.0 * l[a] * l[b];
-                for k in 0..2 {
-                    gradient[a][k] = (4.0 * l[a] - 1.0) * d[a][k];
-                    gradient[3 + a][k] = 4.0 * (l[a] * d[b][k] + l[b] * d[a][k]);
-                }
-            }
-        } else if self.is_simplex() {
-            let dim = self.dim();
-            value[0] = 1.0;
-            for d in 0..dim {
-                value[0] -= x[d];
-                value[d + 1] = x[d];
-                gradient[0][d] = -1.0;
-                gradient[d + 1][d] = 1.0;
-            }
+        if self.is_simplex() {
+            self.of_simplex(x, &mut value, &mut gradient);
         } else {
-            let dim = self.dim();
-            for (a, corner) in self.corners().iter().enumerate() {
-                let factor = |d: usize| 0.5 * (1.0 + corner[d] * x[d]);
-                value[a] = (0..dim).map(factor).product();
-                for d in 0..dim {
-                    gradient[a][d] =
-                        0.5 * corner[d] * (0..dim).filter(|&e| e != d).map(factor).product::<f64>();
-                }
-            }
+            self.of_box(x, &mut value, &mut gradient);
         }
         (value, gradient)
     }
-}
 
-/// Quadrature on a facet of a body of a dimension, with the given number of nodes (in the plane 2, or 3 with the middle of a segment of
-/// second order; in space 3: triangle, 4: quadrilateral): shape values at each point, reference gradients, weight.
-pub(super) fn facet_quadrature(dim: usize, nodes: usize) -> Vec<FacetPoint> {
-    let kind = match (dim, nodes) {
-        (2, 3) => {
-            let far = 0.6f64.sqrt();
-            return [(-far, 5.0 / 9.0), (0.0, 8.0 / 9.0), (far, 5.0 / 9.0)]
-                .map(|(s, weight)| FacetPoint { weight, ..segment(s) })
-                .to_vec();
+    /// By barycentric coordinates: λ, or λ (2 λ − 1) at corners and 4 λ μ at the middles of edges.
+    fn of_simplex(self, x: [f64; 3], value: &mut [f64; MAX_NODES], gradient: &mut [[f64; 3]; MAX_NODES]) {
+        let dim = self.dim();
+        let mut l = [1.0, x[0], x[1], x[2]];
+        let mut slope = [[0.0; 3]; 4];
+        for d in 0..dim {
+            l[0] -= x[d];
+            slope[0][d] = -1.0;
+            slope[d + 1][d] = 1.0;
         }
-        (2, _) => {
-            return [-G, G]
-                .map(|s| FacetPoint {
-                    value: [0.5 * (1.0 - s), 0.5 * (1.0 + s), 0.0, 0.0],
-                    gradient: [[-0.5, 0.0], [0.5, 0.0], [0.0; 2], [0.0; 2]],
-                    weight: 1.0,
-                })
-                .to_vec();
+        let corners = dim + 1;
+        value[..corners].copy_from_slice(&l[..corners]);
+        gradient[..corners].copy_from_slice(&slope[..corners]);
+        if self.nodes == corners {
+            return;
         }
-        (_, 3) => CellKind::Triangle,
-        _ => CellKind::Quadrilateral,
-    };
-    kind.quadrature()
-        .into_iter()
-        .map(|(x, weight)| {
-            let (v, g) = kind.shape(x);
-            FacetPoint {
-                value: [v[0], v[1], v[2], v[3]],
-                gradient: std::array::from_fn(|a| [g[a][0], g[a][1]]),
-                weight,
-            }
-        })
-        .collect()
-}
-
-/// A segment of second order at −1 ≤ s ≤ 1: ends, then the middle.
-pub(super) fn segment(s: f64) -> FacetPoint {
-    FacetPoint {
-        value: [0.5 * s * (s - 1.0), 0.5 * s * (s + 1.0), 1.0 - s * s, 0.0],
-        gradient: [[s - 0.5, 0.0], [s + 0.5, 0.0], [-2.0 * s, 0.0], [0.0; 2]],
-        weight: 0.0,
+        for a in 0..corners {
+            value[a] *= 2.0 * l[a] - 1.0;
+            (0..dim).for_each(|d| gradient[a][d] *= 4.0 * l[a] - 1.0);
+        }
+        for (a, [p, q]) in (corners..self.nodes).zip(ENDS) {
+            value[a] = 4.0 * l[p] * l[q];
+            (0..dim).for_each(|d| gradient[a][d] = 4.0 * (l[p] * slope[q][d] + l[q] * slope[p][d]));
+        }
     }
-}
 
-#[derive(Debug, Clone, Copy)]
-pub(super) struct FacetPoint {
-    pub(super) value: [f64; 4],
-    pub(super) gradient: [[f64; 2]; 4],
-    pub(super) weight: f64,
+    /// Products of functions of each coordinate, which for serendipity are linear at corners and corrected as a whole.
+    fn of_box(self, x: [f64; 3], value: &mut [f64; MAX_NODES], gradient: &mut [[f64; 3]; MAX_NODES]) {
+        let dim = self.dim();
+        let is_linear = self.is_linear();
+        let is_product = is_linear || self.nodes == 3usize.pow(dim as u32);
+        for (a, node) in self.points().iter().enumerate() {
+            // Value and slope along each coordinate.
+            let factor = |d: usize| match (node[d], x[d]) {
+                (0.0, x) => (1.0 - x * x, -2.0 * x),
+                (c, x) if is_linear || !is_product => (0.5 * (1.0 + c * x), 0.5 * c),
+                (c, x) => (0.5 * x * (x + c), x + 0.5 * c),
+            };
+            let mut factors = [(1.0, 0.0); 3];
+            (0..dim).for_each(|d| factors[d] = factor(d));
+            value[a] = factors[0].0 * factors[1].0 * factors[2].0;
+            for d in 0..dim {
+                gradient[a][d] = factors[d].1 * factors[(d + 1) % 3].0 * factors[(d + 2) % 3].0;
+            }
+            if !is_product && a < self.num_corners() {
+                let correction = (0..dim).map(|d| node[d] * x[d]).sum::<f64>() - (dim as f64 - 1.0);
+                for d in 0..dim {
+                    gradient[a][d] = gradient[a][d] * correction + value[a] * node[d];
+                }
+                value[a] *= correction;
+            }
+        }
+    }
 }
 
 /// Geometry of a cell at a reference point: shape values, physical gradients, det of the Jacobian.
 pub(super) fn map_cell(
     kind: CellKind,
-    corners: &[[f64; 3]],
+    nodes: &[[f64; 3]],
     x: [f64; 3],
 ) -> ([f64; MAX_NODES], [[f64; 3]; MAX_NODES], f64) {
-    let (value, reference) = kind.shape(x);
+    let (value, mut gradient) = kind.reference().functions(x);
     let dim = kind.dim();
     // j[d][e] = ∂x_d/∂ξ_e
     let mut j = [[0.0; 3], [0.0; 3], [0.0, 0.0, 1.0]];
     if dim == 3 {
         j[2] = [0.0; 3];
     }
-    for (corner, g) in corners.iter().zip(&reference) {
+    for (node, g) in nodes.iter().zip(&gradient) {
         for d in 0..dim {
             for e in 0..dim {
-                j[d][e] += corner[d] * g[e];
+                j[d][e] += node[d] * g[e];
             }
         }
     }
@@ -300,10 +480,11 @@ pub(super) fn map_cell(
         j[r1][c1] * j[r2][c2] - j[r1][c2] * j[r2][c1]
     };
     let det: f64 = (0..3).map(|c| j[0][c] * cofactor(0, c)).sum();
-    let mut gradient = [[0.0; 3]; MAX_NODES];
-    for (a, g) in gradient.iter_mut().enumerate().take(kind.num_nodes()) {
+    let cofactors: [[f64; 3]; 3] = std::array::from_fn(|d| std::array::from_fn(|e| cofactor(d, e)));
+    for g in gradient.iter_mut().take(kind.num_nodes()) {
+        let reference = *g;
         for d in 0..dim {
-            g[d] = (0..dim).map(|e| cofactor(d, e) * reference[a][e]).sum::<f64>() / det;
+            g[d] = (0..dim).map(|e| cofactors[d][e] * reference[e]).sum::<f64>() / det;
         }
     }
     (value, gradient, det)

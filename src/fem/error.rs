@@ -63,9 +63,9 @@ pub enum FemError {
         /// Dimension of the mesh.
         dim: usize,
     },
-    /// A cell for which there is no such operation: triangles alone have a second order, and cells of second order are not divided.
+    /// A cell of second order, which is not divided.
     #[error(
-        "cell {cell} is a {kind}: triangles have a second order, other cells do not, and cells of second order are not divided"
+        "cell {cell} is a {kind}: cells of second order are not divided; divide those of first order, then raise the order"
     )]
     Order {
         /// The cell.
@@ -109,8 +109,9 @@ pub enum FemError {
     },
     /// The Jacobian of a cell is not positive.
     #[error(
-        "cell {cell} (nodes {nodes:?}) has Jacobian determinant {determinant:e} at one of its corners: it is turned inside out, folded or flat; \
-         number its nodes counter-clockwise, or mesh anew"
+        "cell {cell} (nodes {nodes:?}) has Jacobian determinant {determinant:e} at ({}, {}, {}): it is turned inside out, folded or flat; \
+         number its nodes counter-clockwise, or mesh anew",
+        .at[0], .at[1], .at[2]
     )]
     Jacobian {
         /// The cell.
@@ -119,6 +120,20 @@ pub enum FemError {
         nodes: Vec<usize>,
         /// The smallest determinant found.
         determinant: f64,
+        /// Where.
+        at: [f64; 3],
+    },
+    /// Neighbours that do not share all nodes of the facet between them.
+    #[error(
+        "cells {} and {} have the corners of the facet around ({}, {}, {}) in common, but not its other nodes: neighbours must have the \
+         same order",
+        .cells[0], .cells[1], .at[0], .at[1], .at[2]
+    )]
+    Neighbours {
+        /// The cells.
+        cells: [usize; 2],
+        /// The mean of the nodes of the second one.
+        at: [f64; 3],
     },
     /// A node belongs to no cell.
     #[error("node {node} belongs to no cell: its displacement is free of any stiffness; remove it")]

@@ -1,7 +1,7 @@
 //! Integration over facets of the boundary.
 
 use super::Mesh;
-use super::element::{facet_quadrature, segment};
+use super::element::{MAX_NODES, Reference};
 use super::mesh::{cross, norm};
 
 /// Calls `f(point, shape values, weight × measure)` at the quadrature points of a facet.
@@ -10,9 +10,10 @@ pub(super) fn integrate(mesh: &Mesh, nodes: &[usize], f: impl FnMut([f64; 3], &[
 }
 
 fn over_facet(dim: usize, points: &[[f64; 3]], nodes: &[usize], mut f: impl FnMut([f64; 3], &[f64], f64)) {
-    for q in facet_quadrature(dim, nodes.len()) {
-        let (at, measure) = geometry(points, nodes, &q.value, &q.gradient);
-        f(at, &q.value[..nodes.len()], q.weight * measure);
+    let reference = Reference::of_facet(dim, nodes.len());
+    for (x, weight) in reference.quadrature() {
+        let here = Place::of(reference, points, nodes, x);
+        f(here.at, &here.shape[..nodes.len()], weight * norm(here.area(dim)));
     }
 }
 
@@ -28,93 +29,78 @@ fn over_parts(
     nodes: &[usize],
     mut f: impl FnMut(usize, [f64; 3], &[f64], f64),
 ) {
-    let rule = facet_quadrature(dim, nodes.len());
-    let k = nodes.len();
-    if dim == 2 && k == 3 {
-        for (corner, shift) in [(0, -0.5), (1, 0.5)] {
-            for (q, s) in rule.iter().zip([-0.6f64.sqrt(), 0.0, 0.6f64.sqrt()]) {
-                let here = segment(shift + 0.5 * s);
-                let (at, measure) = geometry(points, nodes, &here.value, &here.gradient);
-                f(corner, at, &here.value[..3], 0.5 * q.weight * measure);
-            }
-        }
-        return;
-    }
-    if k == 3 {
-        // Corner, middle of an edge, centroid: six triangles of a sixth of the area.
-        for corner in 0..3 {
-            for other in [(corner + 1) % 3, (corner + 2) % 3] {
-                for q in &rule {
-                    let mut shape = [0.0; 4];
-                    for a in 0..3 {
-                        shape[a] = q.value[2] / 3.0;
-                    }
-                    shape[corner] += q.value[0] + 0.5 * q.value[1];
-                    shape[other] += 0.5 * q.value[1];
-                    let (at, measure) = geometry(points, nodes, &shape, &q.gradient);
-                    f(corner, at, &shape[..3], q.weight * measure / 6.0);
-                }
-            }
-        }
-        return;
-    }
-    // Each part is the facet shrunk by half towards its corner: the shape functions at a point of it follow by averaging.
+    let reference = Reference::of_facet(dim, nodes.len());
+    let (rule, corners) = (reference.quadrature(), reference.linear().points());
+    let k = corners.len();
+    let mut add = |corner: usize, x: [f64; 3], weight: f64| {
+        let here = Place::of(reference, points, nodes, x);
+        f(
+            corner,
+            here.at,
+            &here.shape[..nodes.len()],
+            weight * norm(here.area(dim)),
+        );
+    };
     for corner in 0..k {
-        for q in &rule {
-            let mut shape = [0.0; 4];
-            let sign = |a: usize| match k {
-                2 => [2.0 * a as f64 - 1.0, 0.0],
-                _ => [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]][a],
-            };
-            let mut x = [0.0; 2];
-            for a in 0..k {
-                for d in 0..2 {
-                    x[d] += q.value[a] * sign(a)[d];
+        if reference.is_simplex() {
+            // Corner, middle of an edge, centroid: six triangles of a sixth of the area.
+            for other in [(corner + 1) % 3, (corner + 2) % 3] {
+                for (x, weight) in &rule {
+                    let mut l = [x[1] / 3.0; 3];
+                    l[corner] += 1.0 - x[0] - x[1] + 0.5 * x[0];
+                    l[other] += 0.5 * x[0];
+                    add(corner, [l[1], l[2], 0.0], weight / 6.0);
                 }
             }
-            let x: [f64; 2] = std::array::from_fn(|d| 0.5 * (x[d] + sign(corner)[d]));
-            let mut gradient = [[0.0; 2]; 4];
-            for a in 0..k {
-                let s = sign(a);
-                if k == 2 {
-                    shape[a] = 0.5 * (1.0 + s[0] * x[0]);
-                    gradient[a][0] = 0.5 * s[0];
-                } else {
-                    shape[a] = 0.25 * (1.0 + s[0] * x[0]) * (1.0 + s[1] * x[1]);
-                    gradient[a] = [
-                        0.25 * s[0] * (1.0 + s[1] * x[1]),
-                        0.25 * s[1] * (1.0 + s[0] * x[0]),
-                    ];
-                }
+        } else {
+            // The facet shrunk by half towards its corner.
+            for (x, weight) in &rule {
+                let x = std::array::from_fn(|d| 0.5 * (x[d] + corners[corner][d]));
+                add(corner, x, weight / k as f64);
             }
-            let (at, measure) = geometry(points, nodes, &shape, &gradient);
-            f(corner, at, &shape[..k], q.weight * measure / k as f64);
         }
     }
 }
 
-/// Point and measure (length or area per unit of the reference facet).
-fn geometry(
-    points: &[[f64; 3]],
-    nodes: &[usize],
-    shape: &[f64; 4],
-    gradient: &[[f64; 2]; 4],
-) -> ([f64; 3], f64) {
-    let (mut at, mut tangents) = ([0.0; 3], [[0.0; 3]; 2]);
-    for (a, &node) in nodes.iter().enumerate() {
-        for d in 0..3 {
-            at[d] += shape[a] * points[node][d];
-            tangents[0][d] += gradient[a][0] * points[node][d];
-            tangents[1][d] += gradient[a][1] * points[node][d];
+/// ∫ of the normal over a facet in space.
+pub(super) fn area_in_space(points: &[[f64; 3]], nodes: &[usize]) -> [f64; 3] {
+    let reference = Reference::of_facet(3, nodes.len());
+    let mut sum = [0.0; 3];
+    for (x, weight) in reference.quadrature() {
+        let area = Place::of(reference, points, nodes, x).area(3);
+        (0..3).for_each(|d| sum[d] += weight * area[d]);
+    }
+    sum
+}
+
+/// A point of a facet, with its tangents along the reference coordinates.
+struct Place {
+    at: [f64; 3],
+    shape: [f64; MAX_NODES],
+    tangents: [[f64; 3]; 2],
+}
+
+impl Place {
+    fn of(reference: Reference, points: &[[f64; 3]], nodes: &[usize], x: [f64; 3]) -> Self {
+        let (shape, gradient) = reference.functions(x);
+        let (mut at, mut tangents) = ([0.0; 3], [[0.0; 3]; 2]);
+        for (a, &node) in nodes.iter().enumerate() {
+            for d in 0..3 {
+                at[d] += shape[a] * points[node][d];
+                tangents[0][d] += gradient[a][0] * points[node][d];
+                tangents[1][d] += gradient[a][1] * points[node][d];
+            }
+        }
+        Self { at, shape, tangents }
+    }
+
+    /// A vector of the length or area per unit of the reference facet; in space it is normal to the facet.
+    fn area(&self, dim: usize) -> [f64; 3] {
+        match dim {
+            2 => self.tangents[0],
+            _ => cross(self.tangents[0], self.tangents[1]),
         }
     }
-    // Segments have no second tangent.
-    let measure = if gradient.iter().all(|g| g[1] == 0.0) {
-        norm(tangents[0])
-    } else {
-        norm(cross(tangents[0], tangents[1]))
-    };
-    (at, measure)
 }
 
 #[cfg(test)]
@@ -129,15 +115,25 @@ mod tests {
             [2.0, 0.1, 0.1],
             [1.7, 1.5, 0.0],
             [-0.2, 1.1, 0.4],
-            // Near the middle of the first two.
+            // Near the middles of the edges of the quadrilateral, and of its centre.
             [1.03, 0.03, 0.2],
+            [1.8, 0.8, 0.0],
+            [0.75, 1.2, 0.2],
+            [-0.1, 0.6, 0.33],
+            [0.8, 0.65, 0.21],
+            // Of the triangle.
+            [0.85, 0.77, 0.14],
         ];
         for (dim, nodes) in [
             (2, vec![0, 1]),
             (2, vec![0, 1, 4]),
             (3, vec![0, 1, 2]),
             (3, vec![0, 1, 2, 3]),
+            (3, vec![0, 1, 2, 4, 5, 9]),
+            (3, vec![0, 1, 2, 3, 4, 5, 6, 7]),
+            (3, vec![0, 1, 2, 3, 4, 5, 6, 7, 8]),
         ] {
+            let corners = Reference::of_facet(dim, nodes.len()).num_corners();
             let (mut whole, mut parts) = ([0.0; 4], [0.0; 4]);
             let mut size = [0.0; 4];
             over_facet(dim, &points, &nodes, |x, shape, w| {
@@ -149,7 +145,7 @@ mod tests {
             });
             over_parts(dim, &points, &nodes, |corner, x, shape, w| {
                 assert!((shape.iter().sum::<f64>() - 1.0).abs() < 1e-14);
-                assert!(dim == 2 && nodes.len() == 3 || shape.iter().all(|s| shape[corner] >= *s));
+                assert!(nodes.len() > corners || shape.iter().all(|s| shape[corner] >= *s));
                 for d in 0..3 {
                     parts[d] += w * x[d];
                 }

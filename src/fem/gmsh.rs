@@ -7,7 +7,7 @@ use super::getfem::drop_loose;
 use super::tokens::{Reader, shorten};
 use super::{CellKind, FemError, Mesh};
 
-/// Reads a Gmsh mesh file (MSH 2.2 or 4.1, ASCII or binary of either byte order) of linear elements.
+/// Reads a Gmsh mesh file (MSH 2.2 or 4.1, ASCII or binary of either byte order) of elements of first or second order.
 ///
 /// The elements of the highest dimension are the cells, those of one dimension less are the facets of groups; physical groups keep their
 /// names, or are called "physical N" by their number. Elements of lower dimension and other sections are ignored. Cells may be numbered in
@@ -102,12 +102,35 @@ fn shape(kind: i64) -> Option<(i64, usize)> {
     match kind {
         15 => Some((0, 1)),
         1 => Some((1, 2)),
-        2 => Some((2, 3)),
-        3 => Some((2, 4)),
-        4 => Some((3, 4)),
-        5 => Some((3, 8)),
         8 => Some((1, 3)),
-        9 => Some((2, 6)),
+        _ => cell_kind(kind).map(|k| (k.dim() as i64, k.num_nodes())),
+    }
+}
+
+fn cell_kind(kind: i64) -> Option<CellKind> {
+    Some(match kind {
+        2 => CellKind::Triangle,
+        3 => CellKind::Quadrilateral,
+        4 => CellKind::Tetrahedron,
+        5 => CellKind::Hexahedron,
+        9 => CellKind::Triangle6,
+        10 => CellKind::Quadrilateral9,
+        11 => CellKind::Tetrahedron10,
+        12 => CellKind::Hexahedron27,
+        16 => CellKind::Quadrilateral8,
+        17 => CellKind::Hexahedron20,
+        _ => return None,
+    })
+}
+
+/// The place in Gmsh's order of each node, where that is not ours: edges of tetrahedra and hexahedra, faces of hexahedra.
+fn order(kind: CellKind) -> Option<&'static [usize]> {
+    const HEXAHEDRON: [usize; 27] = [
+        0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15, 22, 23, 21, 24, 20, 25, 26,
+    ];
+    match kind {
+        CellKind::Tetrahedron10 => Some(&[0, 1, 2, 3, 4, 5, 6, 7, 9, 8]),
+        CellKind::Hexahedron20 | CellKind::Hexahedron27 => Some(&HEXAHEDRON),
         _ => None,
     }
 }
@@ -158,14 +181,6 @@ impl File {
         let (mut cells, mut facets) = (Vec::new(), BTreeMap::<String, Vec<Vec<usize>>>::new());
         let mut cell_groups = BTreeMap::<String, Vec<usize>>::new();
         for element in &self.elements {
-            let kind = match element.kind {
-                2 => CellKind::Triangle,
-                3 => CellKind::Quadrilateral,
-                4 => CellKind::Tetrahedron,
-                5 => CellKind::Hexahedron,
-                9 => CellKind::Triangle6,
-                _ => CellKind::Triangle,
-            };
             let own = shape(element.kind).map_or(0, |s| s.0);
             let name = |group: &i64| {
                 let known = self.names.get(&(own, *group)).cloned();
@@ -175,7 +190,18 @@ impl File {
                 for group in &element.groups {
                     cell_groups.entry(name(group)).or_default().push(cells.len());
                 }
-                cells.push((kind, element.nodes.clone()));
+                // Elements of the dimension of the mesh are cells.
+                let Some(kind) = cell_kind(element.kind) else {
+                    continue;
+                };
+                let mut nodes = element.nodes.clone();
+                if let Some(order) = order(kind) {
+                    nodes
+                        .iter_mut()
+                        .zip(order)
+                        .for_each(|(n, &a)| *n = element.nodes[a]);
+                }
+                cells.push((kind, nodes));
             } else if own == dim - 1 {
                 for group in &element.groups {
                     facets.entry(name(group)).or_default().push(element.nodes.clone());
@@ -344,7 +370,7 @@ impl Reader<'_> {
         match shape(kind) {
             Some((_, nodes)) => Ok(nodes),
             None => Err(self.fail(format!(
-                "element {tag} is of Gmsh type {kind}; linear lines, triangles, quadrilaterals, tetrahedra and hexahedra are supported"
+                "element {tag} is of Gmsh type {kind}; lines, triangles, quadrilaterals, tetrahedra and hexahedra of first and second order are supported"
             ))),
         }
     }

@@ -4,6 +4,9 @@ use crate::words::named;
 /// Order of strains and stresses: 11, 22, 33, 12, 23, 13 (shear strains doubled).
 pub(super) const VOIGT: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2], [0, 2]];
 
+/// Those in the plane.
+pub(super) const KEPT: [usize; 3] = [0, 1, 3];
+
 /// The reduction of a body in space to a plane problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -290,7 +293,6 @@ impl Material {
 
     /// Stress (11, 22, 12) from strain in the plane.
     pub(super) fn plane(&self, model: PlaneModel) -> [[f64; 3]; 3] {
-        const KEPT: [usize; 3] = [0, 1, 3];
         let mut c = self.matrix;
         if model == PlaneModel::Stress {
             // Out-of-plane stresses vanish: their strains are eliminated.

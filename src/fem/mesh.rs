@@ -1,7 +1,9 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::FemError;
-use super::element::{CellKind, MAX_NODES, map_cell};
+use super::element::{CellKind, MAX_NODES, Reference};
+use super::facet::area_in_space;
+use super::order::completed;
 use super::tokens::shorten;
 
 /// Facets by name of their group, each as its nodes.
@@ -51,8 +53,19 @@ pub struct BoundaryFacet {
     pub normal: [f64; 3],
     /// Mean of its nodes.
     pub centre: [f64; 3],
-    /// Length or area.
+    /// Length or area; of a bent one that of its chord or mean plane.
     pub measure: f64,
+    /// Whether it is an edge of a plane mesh.
+    is_edge: bool,
+}
+
+impl BoundaryFacet {
+    /// Its corners: the nodes but for the middles of edges and faces of second order.
+    #[must_use]
+    pub fn corners(&self) -> &[usize] {
+        let dim = if self.is_edge { 2 } else { 3 };
+        &self.nodes[..Reference::of_facet(dim, self.nodes.len()).num_corners()]
+    }
 }
 
 impl Mesh {
@@ -60,14 +73,14 @@ impl Mesh {
     ///
     /// # Errors
     /// Dimension other than 2 or 3, no cells, cells of another dimension, wrong node numbers, coordinates that are not finite, nodes in
-    /// no cell, cells with non-positive Jacobian: each names the cell or node.
+    /// no cell, cells with non-positive Jacobian, neighbours of different order: each names the cell or node.
     pub fn new(
         dim: usize,
         points: Vec<[f64; 3]>,
         cells: impl IntoIterator<Item = (CellKind, Vec<usize>)>,
     ) -> Result<Self, FemError> {
         let mesh = Self::unchecked(dim, points, cells)?;
-        mesh.check_jacobians()?;
+        mesh.check_cells()?;
         Ok(mesh)
     }
 
@@ -82,26 +95,18 @@ impl Mesh {
     ) -> Result<Self, FemError> {
         let mut mesh = Self::unchecked(dim, points, cells)?;
         for cell in 0..mesh.num_cells() {
-            let (low, high) = mesh.jacobian_range(cell);
-            if low < 0.0 && high < 0.0 {
-                let kind = mesh.kinds[cell];
-                let nodes = &mut mesh.nodes[mesh.first[cell]..mesh.first[cell + 1]];
-                match kind {
-                    CellKind::Triangle => nodes.swap(1, 2),
-                    CellKind::Triangle6 => {
-                        nodes.swap(1, 2);
-                        nodes.swap(3, 5);
-                    }
-                    CellKind::Quadrilateral => nodes.swap(1, 3),
-                    CellKind::Tetrahedron => nodes.swap(1, 2),
-                    CellKind::Hexahedron => {
-                        nodes.swap(1, 3);
-                        nodes.swap(5, 7);
-                    }
+            if mesh.is_turned_round(cell) {
+                // The mirror image of the reference cell, with its first two axes exchanged.
+                let points = mesh.kinds[cell].reference().points();
+                let mirrored = |p: &[f64; 3]| points.iter().position(|q| *q == [p[1], p[0], p[2]]);
+                let old = mesh.cell(cell).to_vec();
+                let begin = mesh.first[cell];
+                for (a, from) in points.iter().map(mirrored).enumerate() {
+                    mesh.nodes[begin + a] = old[from.unwrap_or(a)];
                 }
             }
         }
-        mesh.check_jacobians()?;
+        mesh.check_cells()?;
         Ok(mesh)
     }
 
@@ -179,33 +184,6 @@ impl Mesh {
         self.is_part
     }
 
-    fn check_jacobians(&self) -> Result<(), FemError> {
-        for cell in 0..self.num_cells() {
-            let (low, high) = self.jacobian_range(cell);
-            if low <= 1e-14 * high.abs() {
-                return Err(FemError::Jacobian {
-                    cell,
-                    nodes: self.cell(cell).to_vec(),
-                    determinant: low,
-                });
-            }
-        }
-        Ok(())
-    }
-
-    /// Smallest and largest Jacobian determinant at the corners of a cell.
-    fn jacobian_range(&self, cell: usize) -> (f64, f64) {
-        let kind = self.kinds[cell];
-        let corners = self.corners(cell);
-        let mut range = (f64::INFINITY, f64::NEG_INFINITY);
-        let probes = if kind.is_simplex() { 1 } else { kind.num_nodes() };
-        for x in &kind.corners()[..probes] {
-            let (_, _, det) = map_cell(kind, &corners[..kind.num_nodes()], *x);
-            range = (range.0.min(det), range.1.max(det));
-        }
-        range
-    }
-
     /// 2 or 3.
     #[must_use]
     pub fn dim(&self) -> usize {
@@ -242,12 +220,13 @@ impl Mesh {
         &self.nodes[self.first[cell]..self.first[cell + 1]]
     }
 
-    pub(super) fn corners(&self, cell: usize) -> [[f64; 3]; MAX_NODES] {
-        let mut corners = [[0.0; 3]; MAX_NODES];
-        for (corner, &node) in corners.iter_mut().zip(self.cell(cell)) {
-            *corner = self.points[node];
+    /// Positions of the nodes of a cell.
+    pub(super) fn nodes_at(&self, cell: usize) -> [[f64; 3]; MAX_NODES] {
+        let mut at = [[0.0; 3]; MAX_NODES];
+        for (at, &node) in at.iter_mut().zip(self.cell(cell)) {
+            *at = self.points[node];
         }
-        corners
+        at
     }
 
     /// Mean of a cell's nodes.
@@ -276,9 +255,11 @@ impl Mesh {
         boundary
     }
 
-    fn facet_key(&self, cell: usize, local: &[usize]) -> [usize; 4] {
+    /// The corners of a facet, sorted.
+    pub(super) fn facet_key(&self, cell: usize, local: &[usize]) -> [usize; 4] {
         let nodes = self.cell(cell);
-        key(local.iter().map(|&a| nodes[a]))
+        let corners = Reference::of_facet(self.dim, local.len()).num_corners();
+        key(local[..corners].iter().map(|&a| nodes[a]))
     }
 
     fn facet(&self, cell: usize, local: &[usize]) -> BoundaryFacet {
@@ -292,6 +273,7 @@ impl Mesh {
             centre: mean(nodes.iter().map(|&n| self.points[n])),
             measure,
             nodes,
+            is_edge: self.dim == 2,
         }
     }
 
@@ -305,7 +287,8 @@ impl Mesh {
                 [d[1], -d[0], 0.0]
             }
             (_, 3) => cross(difference(p(1), p(0)), difference(p(2), p(0))).map(|x| 0.5 * x),
-            _ => cross(difference(p(2), p(0)), difference(p(3), p(1))).map(|x| 0.5 * x),
+            (_, 4) => cross(difference(p(2), p(0)), difference(p(3), p(1))).map(|x| 0.5 * x),
+            _ => area_in_space(&self.points, nodes),
         }
     }
 
@@ -326,7 +309,7 @@ impl Mesh {
         number
     }
 
-    /// Adds facets, given by their nodes, to a group. Edges of second order may be given by their ends alone.
+    /// Adds facets, given by their nodes, to a group. Those of second order may be given by their corners alone.
     ///
     /// # Errors
     /// Facets with too few or too many nodes or one node twice, nodes that do not exist.
@@ -338,24 +321,20 @@ impl Mesh {
         let mut facets = facets;
         let middles = self.middles();
         for (index, nodes) in facets.iter_mut().enumerate() {
-            let ends = nodes.get(..2).map(|ends| key(ends.iter().copied()));
-            let middle = ends.and_then(|ends| middles.get(&ends).copied());
-            if nodes.len() == 2 && self.dim == 2 {
-                nodes.extend(middle);
-            }
-            let fits = match self.dim {
-                2 => nodes.len() == 2 || nodes.len() == 3 && middle == nodes.last().copied(),
-                _ => nodes.len() == 3 || nodes.len() == 4,
-            };
-            if !fits {
-                return Err(FemError::CellNodes {
-                    what: "facet",
-                    index,
-                    expected: self.dim,
-                    found: nodes.len(),
-                });
-            }
             check_nodes("facet", index, nodes, self.points.len())?;
+            let corners = Reference::of_facet(self.dim, nodes.len()).num_corners();
+            let whole = nodes.get(..corners).map(|n| completed(self.dim, n, &middles));
+            match whole {
+                Some(whole) if nodes.len() == corners || *nodes == whole => *nodes = whole,
+                whole => {
+                    return Err(FemError::CellNodes {
+                        what: "facet",
+                        index,
+                        expected: whole.map_or(self.dim, |w| w.len()),
+                        found: nodes.len(),
+                    });
+                }
+            }
             let distinct: std::collections::BTreeSet<_> = nodes.iter().collect();
             if distinct.len() < nodes.len() {
                 return Err(FemError::CellNodes {
@@ -368,66 +347,6 @@ impl Mesh {
         }
         self.facet_groups.entry(name.into()).or_default().extend(facets);
         Ok(())
-    }
-
-    /// The middle node of each edge of second order.
-    fn middles(&self) -> HashMap<[usize; 4], usize> {
-        let mut middles = HashMap::new();
-        for cell in (0..self.num_cells()).filter(|&c| self.kinds[c] == CellKind::Triangle6) {
-            let nodes = self.cell(cell);
-            for edge in CellKind::Triangle6.facets() {
-                middles.insert(key([nodes[edge[0]], nodes[edge[1]]].into_iter()), nodes[edge[2]]);
-            }
-        }
-        middles
-    }
-
-    /// The same mesh with triangles of second order in place of its triangles: with the middles of their edges as further nodes, at the
-    /// end. Groups are kept.
-    ///
-    /// # Errors
-    /// Cells other than triangles ([`FemError::Order`]).
-    ///
-    /// ```
-    /// use semismooth::fem::{CellKind, Mesh};
-    /// let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2])?.simplices()?.second_order()?;
-    /// assert_eq!((mesh.num_nodes(), mesh.kind(0)), (9 * 5, CellKind::Triangle6));
-    /// assert_eq!(mesh.facet_group("bottom")?[0].len(), 3);
-    /// # Ok::<(), semismooth::fem::FemError>(())
-    /// ```
-    pub fn second_order(&self) -> Result<Self, FemError> {
-        let mut points = self.points.clone();
-        let mut middles: HashMap<[usize; 4], usize> = HashMap::new();
-        let mut cells = Vec::with_capacity(self.num_cells());
-        for cell in 0..self.num_cells() {
-            let mut nodes = self.cell(cell).to_vec();
-            match self.kinds[cell] {
-                CellKind::Triangle6 => {}
-                CellKind::Triangle => {
-                    for k in 0..3 {
-                        let ends = [nodes[k], nodes[(k + 1) % 3]];
-                        nodes.push(*middles.entry(key(ends.into_iter())).or_insert_with(|| {
-                            points.push(mean(ends.map(|n| self.points[n]).into_iter()));
-                            points.len() - 1
-                        }));
-                    }
-                }
-                kind => {
-                    return Err(FemError::Order {
-                        cell,
-                        kind: kind.name(),
-                    });
-                }
-            }
-            cells.push((CellKind::Triangle6, nodes));
-        }
-        let mut mesh = Self::new(self.dim, points, cells)?;
-        for (name, list) in &self.facet_groups {
-            mesh.add_facet_group(name.clone(), list.clone())?;
-        }
-        mesh.cell_groups.clone_from(&self.cell_groups);
-        mesh.is_part = self.is_part;
-        Ok(mesh)
     }
 
     /// Adds the cells for which `choose(centre)` is true to a group. Returns their number.

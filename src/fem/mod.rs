@@ -1,6 +1,6 @@
 //! Finite elements: discrete contact problems from meshes.
 //!
-//! A [`Mesh`] of triangles, quadrilaterals, tetrahedra or hexahedra comes from a generator ([`Mesh::rectangle`], [`Mesh::block`]), a file
+//! A [`Mesh`] of triangles, quadrilaterals, tetrahedra or hexahedra, of first or second order, comes from a generator ([`Mesh::rectangle`], [`Mesh::block`]), a file
 //! ([`read_gmsh`], [`read_getfem`]) or your own arrays; [`Elasticity`] holds materials and supports and assembles an [`ElasticSystem`]: the
 //! stiffness matrix of the free displacements, loads, and [`ContactRows`], the normal and tangential traces of the nodes that may touch a
 //! rigid foundation or [each other](ElasticSystem::contact_between). [`PlasticBody`] is a body of [`VonMises`] material under a history of
@@ -17,6 +17,7 @@ mod error;
 mod facet;
 #[cfg(feature = "serde")]
 mod file;
+mod folding;
 mod generate;
 mod getfem;
 mod gmsh;
@@ -25,6 +26,7 @@ mod mesh;
 mod mortar;
 mod multipliers;
 mod nodal;
+mod order;
 mod overlap;
 mod plastic;
 mod refine;

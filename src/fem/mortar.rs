@@ -169,7 +169,7 @@ impl ElasticSystem {
         self.rows_of(&list, axes)
     }
 
-    /// The contact rows of edges of second order against a foundation: multipliers are the linear functions of the corners, to which those
+    /// The contact rows of facets of second order against a foundation: multipliers are the linear functions of the corners, to which those
     /// of corners without a free displacement are added.
     pub(super) fn contact_at_corners(
         &self,
@@ -186,8 +186,7 @@ impl ElasticSystem {
             let mut failure = None;
             integrate(mesh, facet, |at, shape, measure| {
                 let measure = measure * self.round(at);
-                let values = std::array::from_fn(|k| shape.get(k).copied().unwrap_or(0.0));
-                let (psi, gap) = (extended(&side.hats(&values), &active), foundation.gap_at(at));
+                let (psi, gap) = (extended(&side.hats(shape), &active), foundation.gap_at(at));
                 if !gap.is_finite() {
                     failure = Some(FemError::NotFinite {
                         what: "the gap",
@@ -329,7 +328,7 @@ fn meetings<'a>(
 /// Adds the contributions of one facet to the multipliers of its active nodes.
 ///
 /// With φ̃ the shape functions of the active nodes, to which those of the others are added in equal parts, ψ = E N⁻¹ φ̃ with
-/// N_jl = ∫ φ̃_j φ_l and E_l = ∫ φ_l over the covered part: ∫ ψ_i φ_l = δ_il E_l for active nodes, and Σ ψ_i = 1. On edges of second
+/// N_jl = ∫ φ̃_j φ_l and E_l = ∫ φ_l over the covered part: ∫ ψ_i φ_l = δ_il E_l for active nodes, and Σ ψ_i = 1. On facets of second
 /// order ψ are the linear functions of the corners, extended in the same way.
 fn pair(
     side: &Side<'_>,
@@ -349,7 +348,7 @@ fn pair(
         return Ok(());
     }
     let count = own.len();
-    let extended = |shape: &[f64; 4]| extended(&side.hats(shape), &own);
+    let extended = |shape: &[f64]| extended(&side.hats(shape), &own);
     let (mut n, mut e) = ([[0.0; 4]; 4], [0.0; 4]);
     let is_dual = side.num_corners() == side.nodes.len();
     for (_, m) in met.iter().filter(|_| is_dual) {

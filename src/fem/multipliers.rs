@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 
 use super::contact::{INWARD, frame, unit};
+use super::element::Reference;
 use super::facet::integrate_parts;
 use super::mesh::{by_position, dot, norm};
 use super::{ContactRows, ElasticSystem, FemError, Foundation};
@@ -127,8 +128,7 @@ impl ElasticSystem {
             }
             let vector = mesh.area_vector(facet);
             let length = norm(vector);
-            // Corners: the third node of an edge is its middle.
-            let k = if dim == 2 { 2 } else { facet.len() };
+            let k = Reference::of_facet(dim, facet.len()).num_corners();
             let middle: [f64; 3] = std::array::from_fn(|d| {
                 facet.iter().map(|&n| points[n][d]).sum::<f64>() / facet.len() as f64
             });

@@ -1,7 +1,7 @@
 //! Where two facets of a pair of boundaries lie opposite each other: exact pieces, with points of integration on both.
 
 use super::Mesh;
-use super::element::segment;
+use super::element::{MAX_FACET, Reference};
 use super::mesh::{cross, difference, dot, mean, norm};
 
 /// Length relative to a facet below which corners coincide: far above rounding, far below all features of a mesh.
@@ -9,23 +9,27 @@ const SAME: f64 = 1e-9;
 /// Newton steps, and their tolerance in reference coordinates, for the inverse of a bilinear map; convex facets need few.
 const STEPS: usize = 30;
 const CONVERGED: f64 = 1e-15;
-/// Gauss points in each direction of a triangle: exact for products of functions on parallelograms (degree 4), and for other
-/// quadrilaterals, where integrands are not polynomials, to rounding unless they are very distorted.
+/// Gauss points in each direction of a triangle: exact for products of functions on triangles and parallelograms (degree 4, in which one
+/// function is of second order 6), and for other quadrilaterals, where integrands are not polynomials, to rounding unless they are very
+/// distorted.
 const FEW: usize = 3;
+const SECOND: usize = 4;
 const MANY: usize = 10;
 
 /// A facet with its geometry.
 #[derive(Debug, Clone)]
 pub(super) struct Side<'a> {
     pub(super) nodes: &'a [usize],
-    corners: Vec<[f64; 3]>,
+    reference: Reference,
+    /// Positions of the nodes, the corners first.
+    points: Vec<[f64; 3]>,
+    /// The linear functions of the corners at the nodes.
+    linear: Vec<[f64; 4]>,
     pub(super) centre: [f64; 3],
-    /// Unit outward normal.
+    /// Unit outward normal, and length or area, of the facet with straight edges between the corners.
     pub(super) normal: [f64; 3],
     pub(super) measure: f64,
     radius: f64,
-    /// Whether it is an edge of a plane body: ends, and the middle of one of second order.
-    is_edge: bool,
 }
 
 /// A point of integration on one facet and the point opposite on another.
@@ -33,8 +37,8 @@ pub(super) struct Meeting {
     /// Weight × measure on the first.
     pub(super) weight: f64,
     /// Shape values of both.
-    pub(super) own: [f64; 4],
-    pub(super) other: [f64; 4],
+    pub(super) own: [f64; MAX_FACET],
+    pub(super) other: [f64; MAX_FACET],
     /// The point on the first facet, and the way to the other.
     pub(super) at: [f64; 3],
     pub(super) way: [f64; 3],
@@ -42,43 +46,53 @@ pub(super) struct Meeting {
 
 impl<'a> Side<'a> {
     pub(super) fn new(mesh: &'a Mesh, nodes: &'a [usize]) -> Self {
-        Self::of(mesh.dim(), mesh.points(), nodes, mesh.area_vector(nodes))
+        let reference = Reference::of_facet(mesh.dim(), nodes.len());
+        let area = mesh.area_vector(&nodes[..reference.num_corners()]);
+        Self::of(reference, mesh.points(), nodes, area)
     }
 
-    fn of(dim: usize, points: &[[f64; 3]], nodes: &'a [usize], area: [f64; 3]) -> Self {
-        let corners: Vec<_> = nodes.iter().map(|&n| points[n]).collect();
-        let (centre, measure) = (mean(corners.iter().copied()), norm(area));
+    fn of(reference: Reference, points: &[[f64; 3]], nodes: &'a [usize], area: [f64; 3]) -> Self {
+        let points: Vec<_> = nodes.iter().map(|&n| points[n]).collect();
+        let (centre, measure) = (mean(points.iter().copied()), norm(area));
         let far = |c: &[f64; 3]| norm(difference(*c, centre));
+        let hats = |x: &[f64; 3]| {
+            let (values, _) = reference.linear().functions(*x);
+            [0, 1, 2, 3].map(|k| values[k])
+        };
         Self {
             nodes,
+            reference,
             centre,
             normal: area.map(|x| x / measure),
             measure,
-            radius: corners.iter().map(far).fold(0.0, f64::max),
-            corners,
-            is_edge: dim == 2,
+            radius: points.iter().map(far).fold(0.0, f64::max),
+            points,
+            linear: reference.points().iter().map(hats).collect(),
         }
     }
 
-    /// Number of corners; other nodes are the middles of edges.
+    /// Number of corners; other nodes are the middles of edges and of the face.
     pub(super) fn num_corners(&self) -> usize {
-        if self.is_edge { 2 } else { self.nodes.len() }
+        self.reference.num_corners()
+    }
+
+    fn corners(&self) -> &[[f64; 3]] {
+        &self.points[..self.num_corners()]
     }
 
     /// The linear functions of the corners, from the shape values of all nodes.
-    pub(super) fn hats(&self, shape: &[f64; 4]) -> [f64; 4] {
-        match self.is_edge {
-            true => [shape[0] + 0.5 * shape[2], shape[1] + 0.5 * shape[2], 0.0, 0.0],
-            false => *shape,
+    pub(super) fn hats(&self, shape: &[f64]) -> [f64; 4] {
+        let mut hats = [0.0; 4];
+        for (linear, s) in self.linear.iter().zip(shape) {
+            (0..4).for_each(|k| hats[k] += linear[k] * s);
         }
+        hats
     }
 
-    /// Shape values of an edge at 0 ≤ s ≤ 1.
-    fn edge(&self, s: f64) -> [f64; 4] {
-        match self.nodes.len() {
-            2 => [1.0 - s, s, 0.0, 0.0],
-            _ => segment(2.0 * s - 1.0).value,
-        }
+    /// Shape values at reference coordinates.
+    fn shape(&self, x: [f64; 2]) -> [f64; MAX_FACET] {
+        let (values, _) = self.reference.functions([x[0], x[1], 0.0]);
+        std::array::from_fn(|k| values[k])
     }
 
     /// Whether the other facet may lie opposite this one, along its normal and not further than `reach`.
@@ -91,15 +105,16 @@ impl<'a> Side<'a> {
             && along.abs() <= reach + other.radius
     }
 
-    fn at(&self, shape: &[f64; 4]) -> [f64; 3] {
-        let sum = |d: usize| self.corners.iter().zip(shape).map(|(c, s)| s * c[d]).sum();
+    fn at(&self, shape: &[f64]) -> [f64; 3] {
+        let sum = |d: usize| self.points.iter().zip(shape).map(|(c, s)| s * c[d]).sum();
         std::array::from_fn(sum)
     }
 
     /// Calls `f` at points of integration of the part of this facet that `other` covers, seen along the normal of this one. Marks the
     /// corners that belong to this part.
     pub(super) fn meet(&self, other: &Self, covered: &mut [bool; 4], mut f: impl FnMut(Meeting)) {
-        let mut add = |weight: f64, own: [f64; 4], opposite: [f64; 4]| {
+        let mut add = |weight: f64, x: [f64; 2], y: [f64; 2]| {
+            let (own, opposite) = (self.shape(x), other.shape(y));
             let at = self.at(&own);
             f(Meeting {
                 weight,
@@ -109,7 +124,7 @@ impl<'a> Side<'a> {
                 other: opposite,
             });
         };
-        if self.is_edge {
+        if self.reference.dim() == 1 {
             self.meet_segment(other, covered, &mut add);
         } else {
             self.meet_polygon(other, covered, &mut add);
@@ -120,11 +135,10 @@ impl<'a> Side<'a> {
         &self,
         other: &Self,
         covered: &mut [bool; 4],
-        add: &mut impl FnMut(f64, [f64; 4], [f64; 4]),
+        add: &mut impl FnMut(f64, [f64; 2], [f64; 2]),
     ) {
-        let along = difference(self.corners[1], self.corners[0]);
-        let place =
-            |c: usize| dot(difference(other.corners[c], self.corners[0]), along) / self.measure.powi(2);
+        let along = difference(self.points[1], self.points[0]);
+        let place = |c: usize| dot(difference(other.points[c], self.points[0]), along) / self.measure.powi(2);
         let ends = [place(0), place(1)];
         let (low, high) = (ends[0].min(ends[1]).max(0.0), ends[0].max(ends[1]).min(1.0));
         if low >= high {
@@ -136,7 +150,7 @@ impl<'a> Side<'a> {
             let s = low + (high - low) * x;
             let t = (s - ends[0]) / (ends[1] - ends[0]);
             let weight = weight * (high - low) * self.measure;
-            add(weight, self.edge(s), other.edge(t));
+            add(weight, [2.0 * s - 1.0, 0.0], [2.0 * t - 1.0, 0.0]);
         }
     }
 
@@ -144,17 +158,17 @@ impl<'a> Side<'a> {
         &self,
         other: &Self,
         covered: &mut [bool; 4],
-        add: &mut impl FnMut(f64, [f64; 4], [f64; 4]),
+        add: &mut impl FnMut(f64, [f64; 2], [f64; 2]),
     ) {
         // Coordinates in the plane of this facet, in units of its size.
-        let first = difference(self.corners[1], self.corners[0]);
+        let first = difference(self.points[1], self.points[0]);
         let first = first.map(|x| x / norm(first));
         let along = dot(first, self.normal);
         let first: [f64; 3] = std::array::from_fn(|d| first[d] - along * self.normal[d]);
         let axes = [first, cross(self.normal, first)].map(|a| a.map(|x| x / norm(a)));
         let flat = |c: &[f64; 3]| axes.map(|a| dot(difference(*c, self.centre), a) / self.radius);
-        let own: Vec<_> = self.corners.iter().map(flat).collect();
-        let mut opposite: Vec<_> = other.corners.iter().map(flat).collect();
+        let own: Vec<_> = self.corners().iter().map(flat).collect();
+        let opposite: Vec<_> = other.corners().iter().map(flat).collect();
         let part = clipped(&opposite, &own);
         if part.len() < 3 {
             return;
@@ -164,12 +178,12 @@ impl<'a> Side<'a> {
                 .iter()
                 .any(|p| (p[0] - corner[0]).hypot(p[1] - corner[1]) <= SAME);
         }
-        let points = gauss(if is_affine(&own) && is_affine(&opposite) {
-            FEW
-        } else {
-            MANY
+        let is_second = self.nodes.len() > own.len() || other.nodes.len() > opposite.len();
+        let points = gauss(match is_affine(&own) && is_affine(&opposite) {
+            true if is_second => SECOND,
+            true => FEW,
+            false => MANY,
         });
-        opposite.truncate(other.corners.len());
         for k in 1..part.len() - 1 {
             let [a, b, c] = [part[0], part[k], part[k + 1]];
             let twice = turn(a, b, c) * self.radius * self.radius;
@@ -180,9 +194,8 @@ impl<'a> Side<'a> {
             for &(x, wx) in &points {
                 for &(y, wy) in &points {
                     let p = [0, 1].map(|d| (1.0 - x) * a[d] + x * ((1.0 - y) * b[d] + y * c[d]));
-                    let shapes = (shape_at(&own, p), shape_at(&opposite, p));
-                    if let (Some(s), Some(m)) = shapes {
-                        add(wx * wy * x * twice, s, m);
+                    if let (Some(x0), Some(y0)) = (inverted(&own, p), inverted(&opposite, p)) {
+                        add(wx * wy * x * twice, x0, y0);
                     }
                 }
             }
@@ -224,21 +237,18 @@ fn is_affine(corners: &[[f64; 2]]) -> bool {
     corners.len() == 3 || skew(0).max(skew(1)) <= SAME
 }
 
-/// Shape values of a triangle or quadrilateral at a point.
-fn shape_at(corners: &[[f64; 2]], p: [f64; 2]) -> Option<[f64; 4]> {
+/// Reference coordinates of a point in a triangle or quadrilateral of first order.
+fn inverted(corners: &[[f64; 2]], p: [f64; 2]) -> Option<[f64; 2]> {
     if let &[a, b, c] = corners {
         let all = turn(a, b, c);
-        return (all != 0.0).then(|| [turn(p, b, c) / all, turn(a, p, c) / all, turn(a, b, p) / all, 0.0]);
+        return (all != 0.0).then(|| [turn(a, p, c) / all, turn(a, b, p) / all]);
     }
     let mut x = [0.5; 2];
-    let mut best = None;
     for _ in 0..STEPS {
         let [s, t] = x;
-        let shape = [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t];
-        best = Some(shape);
         let at = |w: [f64; 4]| [0, 1].map(|d| (0..4).map(|k| w[k] * corners[k][d]).sum::<f64>());
         let (q, u, v) = (
-            at(shape),
+            at([(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t]),
             at([t - 1.0, 1.0 - t, t, -t]),
             at([s - 1.0, -s, s, 1.0 - s]),
         );
@@ -255,7 +265,8 @@ fn shape_at(corners: &[[f64; 2]], p: [f64; 2]) -> Option<[f64; 4]> {
             break;
         }
     }
-    best.filter(|shape| shape.iter().all(|s| s.is_finite()))
+    let x = x.map(|s| 2.0 * s - 1.0);
+    x.iter().all(|s| s.is_finite()).then_some(x)
 }
 
 /// Gauss points and weights on (0, 1).
@@ -315,8 +326,13 @@ mod tests {
             [-h, 0.0, 0.25],
             [0.0, h, 0.25],
         ];
-        let own = Side::of(3, &points, &[0, 1, 2, 3], [0.0, 0.0, 4.0]);
-        let other = Side::of(3, &points, &[4, 5, 6, 7], [0.0, 0.0, -2.0 * h * h]);
+        let own = Side::of(Reference::of_facet(3, 4), &points, &[0, 1, 2, 3], [0.0, 0.0, 4.0]);
+        let other = Side::of(
+            Reference::of_facet(3, 4),
+            &points,
+            &[4, 5, 6, 7],
+            [0.0, 0.0, -2.0 * h * h],
+        );
         assert!(own.may_face(&other, 0.25) && !own.may_face(&own, 1.0));
         let (mut area, mut second, mut covered) = (0.0, 0.0, [false; 4]);
         own.meet(&other, &mut covered, |m| {
@@ -340,8 +356,8 @@ mod tests {
         for (s, t) in [(0.0, 0.0), (1.0, 0.3), (0.4, 0.9)] {
             let shape = [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t];
             let p = [0, 1].map(|d| (0..4).map(|k| shape[k] * corners[k][d]).sum::<f64>());
-            let found = shape_at(&corners, p).unwrap();
-            assert!((0..4).all(|k| (found[k] - shape[k]).abs() < 1e-14));
+            let found = inverted(&corners, p).unwrap();
+            assert!((found[0] - (2.0 * s - 1.0)).abs() < 1e-14 && (found[1] - (2.0 * t - 1.0)).abs() < 1e-14);
         }
     }
 }

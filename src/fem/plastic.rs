@@ -1,5 +1,5 @@
 use super::assembly::{PRESCRIBED, pattern};
-use super::cell_points::{Point, points_of};
+use super::cell_points::{Point, Points};
 use super::{ElasticSystem, Elasticity, FemError, PlaneModel, PlasticResponse, PlasticState, VonMises};
 use crate::piecewise::{Semismooth, check_vector};
 use crate::sparse::{Matrix, Pattern};
@@ -7,9 +7,9 @@ use crate::sparse::{Matrix, Pattern};
 /// A body of [`VonMises`] material at one step of its history: the equilibrium of forces on the free displacements as a semismooth map.
 ///
 /// [`set_load`](Self::set_load) sets the forces of the next step, Newton's method finds the displacements, and [`commit`](Self::commit)
-/// updates the history. Plane bodies are in plane strain. In quadrilaterals and hexahedra the volumetric strain is averaged over the cell,
-/// so that isochoric plastic flow does not lock (T. J. R. Hughes, Int. J. Numer. Methods Eng. 15 (1980); weighted by volume as in Simo and
-/// Hughes (1998), section 4.5); simplices do lock.
+/// updates the history. Plane bodies are in plane strain. In quadrilaterals and hexahedra of first order the volumetric strain is averaged over the
+/// cell, so that isochoric plastic flow does not lock (T. J. R. Hughes, Int. J. Numer. Methods Eng. 15 (1980); weighted by volume as in Simo and
+/// Hughes (1998), section 4.5); simplices of first order do lock.
 ///
 /// ```
 /// use semismooth::fem::{Elasticity, Mesh, PlasticBody, VonMises};
@@ -39,7 +39,7 @@ pub struct PlasticBody {
     law: VonMises,
     /// Quadrature points of cell c: `first[c]..first[c + 1]`.
     first: Vec<usize>,
-    points: Vec<Point>,
+    points: Points,
     states: Vec<PlasticState>,
     load: Vec<f64>,
     /// Displacements of the supports, node by node.
@@ -85,11 +85,11 @@ impl PlasticBody {
                 what: "neither plane stress nor bodies of revolution are supported, plane strain is",
             });
         }
-        let mut points = Vec::new();
+        let mut points = Points::default();
         let mut first = vec![0];
         for cell in 0..mesh.num_cells() {
             let kind = mesh.kind(cell);
-            points.extend(points_of(kind, &mesh.corners(cell), kind.is_box(), false));
+            points.add(kind, &mesh.nodes_at(cell), kind.is_box(), false);
             first.push(points.len());
         }
         Ok(Self {
@@ -152,7 +152,7 @@ impl PlasticBody {
         let mut sum = PlasticEnergies::default();
         for cell in 0..self.system.mesh.num_cells() {
             for k in self.first[cell]..self.first[cell + 1] {
-                let (point, before) = (&self.points[k], self.states[k]);
+                let (point, before) = (self.points.get(k), self.states[k]);
                 let at = |u: &[f64]| self.strain(cell, point, |component| u[component]);
                 let strain = at(&now);
                 let state = self.law.respond(&strain, &before).state;
@@ -190,7 +190,7 @@ impl PlasticBody {
     }
 
     /// The strain at a point under displacements by component of a node.
-    fn strain(&self, cell: usize, point: &Point, u: impl Fn(usize) -> f64) -> [f64; 6] {
+    fn strain(&self, cell: usize, point: Point<'_>, u: impl Fn(usize) -> f64) -> [f64; 6] {
         let mesh = &self.system.mesh;
         let dim = mesh.dim();
         let mut strain = [0.0; 6];
@@ -205,14 +205,14 @@ impl PlasticBody {
     }
 
     /// Calls `see` with each quadrature point of a cell and its material response at the free displacements `x`.
-    fn for_points(&self, cell: usize, x: &[f64], mut see: impl FnMut(&Point, PlasticResponse)) {
+    fn for_points(&self, cell: usize, x: &[f64], mut see: impl FnMut(Point<'_>, PlasticResponse)) {
         for k in self.first[cell]..self.first[cell + 1] {
             let value = |component: usize| match self.system.dofs[component] {
                 PRESCRIBED => self.supports[component],
                 free => x[free],
             };
-            let strain = self.strain(cell, &self.points[k], value);
-            see(&self.points[k], self.law.respond(&strain, &self.states[k]));
+            let strain = self.strain(cell, self.points.get(k), value);
+            see(self.points.get(k), self.law.respond(&strain, &self.states[k]));
         }
     }
 

@@ -12,12 +12,7 @@ impl Mesh {
     /// # Errors
     /// Cells so distorted that a child is folded; cells of second order ([`FemError::Order`]).
     pub fn refined(&self) -> Result<Self, FemError> {
-        if let Some(cell) = (0..self.num_cells()).find(|&c| self.kind(c) == CellKind::Triangle6) {
-            return Err(FemError::Order {
-                cell,
-                kind: CellKind::Triangle6.name(),
-            });
-        }
+        self.check_first_order()?;
         let mut refiner = Refiner {
             points: self.points().to_vec(),
             middle: HashMap::new(),
@@ -67,9 +62,9 @@ impl Refiner {
 
     fn split(&mut self, kind: CellKind, n: &[usize]) -> Vec<Vec<usize>> {
         match kind {
-            CellKind::Triangle | CellKind::Quadrilateral | CellKind::Triangle6 => self.split_face(n),
             CellKind::Tetrahedron => self.split_tetrahedron(n),
             CellKind::Hexahedron => self.split_hexahedron(n),
+            _ => self.split_face(n),
         }
     }
 

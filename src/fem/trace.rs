@@ -38,10 +38,10 @@ impl<'a> TraceSpace<'a> {
         let mut gram = Matrix::zeros(pattern(mesh, 1, &dofs, free)?);
         for cell in 0..mesh.num_cells() {
             let kind = mesh.kind(cell);
-            let corners = mesh.corners(cell);
+            let at = mesh.nodes_at(cell);
             let nodes = mesh.cell(cell);
-            for (x, weight) in kind.quadrature() {
-                let (value, gradient, det) = map_cell(kind, &corners[..nodes.len()], x);
+            for (x, weight) in kind.reference().quadrature() {
+                let (value, gradient, det) = map_cell(kind, &at[..nodes.len()], x);
                 for (b, &nb) in nodes.iter().enumerate() {
                     for (a, &na) in nodes.iter().enumerate() {
                         if dofs[na] == PRESCRIBED || dofs[nb] == PRESCRIBED {

@@ -191,6 +191,11 @@ fn number_of(kind: CellKind) -> u8 {
         CellKind::Tetrahedron => 10,
         CellKind::Hexahedron => 12,
         CellKind::Triangle6 => 22,
+        CellKind::Quadrilateral8 => 23,
+        CellKind::Tetrahedron10 => 24,
+        CellKind::Hexahedron20 => 25,
+        CellKind::Quadrilateral9 => 28,
+        CellKind::Hexahedron27 => 29,
     }
 }
 

@@ -14,6 +14,13 @@ use semismooth::sparse::Matrix;
 const YOUNG: f64 = 1.0;
 const NU: f64 = 0.3;
 
+#[derive(Clone, Copy)]
+enum Order {
+    First,
+    Second,
+    Serendipity,
+}
+
 /// Two blocks with the unit square or cube as horizontal extent, one above the other: heights (0, 1) and (−1, 0), before the interface
 /// is tilted to height s x. Cells along the axes of each; `bent` moves nodes of the interface in its plane, so that faces are no
 /// parallelograms.
@@ -21,8 +28,8 @@ struct Stack {
     dim: usize,
     cells: [usize; 2],
     simplices: bool,
-    /// Triangles of second order.
-    second: bool,
+    /// First order, second, or serendipity.
+    order: Order,
     slope: f64,
     bent: f64,
     /// Nodes with x at least this are shared by both blocks.
@@ -35,7 +42,7 @@ impl Stack {
             dim,
             cells,
             simplices: false,
-            second: false,
+            order: Order::First,
             slope: 0.0,
             bent: 0.0,
             joined_from: f64::INFINITY,
@@ -104,10 +111,10 @@ impl Stack {
             f.normal[0] > 0.9 && x > 0.9
                 || self.dim == 3 && f.normal[1].abs() > 0.9 && !(0.1..=0.9).contains(&y)
         });
-        if self.second {
-            mesh.second_order().unwrap()
-        } else {
-            mesh
+        match self.order {
+            Order::First => mesh,
+            Order::Second => mesh.second_order().unwrap(),
+            Order::Serendipity => mesh.serendipity().unwrap(),
         }
     }
 }
@@ -230,18 +237,31 @@ fn uniform_stress_passes_through_plane_interfaces() {
     }
 }
 
-/// Linear multipliers at the corners of edges of second order.
+/// Linear multipliers at the corners of edges and faces of second order.
 #[test]
-fn uniform_stress_passes_between_triangles_of_second_order() {
+fn uniform_stress_passes_between_cells_of_second_order() {
     for roles in ROLES {
-        for (cells, slope) in [([3, 4], 0.0), ([5, 2], 0.2)] {
+        for (simplices, order) in [
+            (true, Order::Second),
+            (false, Order::Second),
+            (false, Order::Serendipity),
+        ] {
+            for (cells, slope) in [([3, 4], 0.0), ([5, 2], 0.2)] {
+                let stack = Stack {
+                    slope,
+                    simplices,
+                    order,
+                    ..Stack::new(2, cells)
+                };
+                passes(&stack, planar(), roles, 1e-12);
+            }
             let stack = Stack {
-                slope,
-                simplices: true,
-                second: true,
-                ..Stack::new(2, cells)
+                slope: 0.2,
+                simplices,
+                order,
+                ..Stack::new(3, [1, 2])
             };
-            passes(&stack, planar(), roles, 1e-12);
+            passes(&stack, spatial(), roles, 1e-12);
         }
     }
 }

@@ -30,36 +30,70 @@ fn solve(system: &semismooth::fem::ElasticSystem, load: &[f64]) -> Vec<f64> {
         .unwrap()
 }
 
-/// A distorted mesh of each kind.
+/// Meshes of each kind of cell of first order: (0, 2) × (0, 1) with n cells along y, (0, 2) × (0, 1)² with n along y and z.
+fn first_order(n: usize) -> Vec<Mesh> {
+    let plane = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [n + 1, n]).unwrap();
+    let solid = Mesh::block([0.0; 3], [2.0, 1.0, 1.0], [n + 1, n, n]).unwrap();
+    vec![
+        plane.simplices().unwrap(),
+        plane,
+        solid.simplices().unwrap(),
+        solid,
+    ]
+}
+
+/// The same of each kind of second order: P2, Q2, P2 in space, Q2 in space, serendipity in the plane and in space.
+fn raised(meshes: &[Mesh]) -> Vec<Mesh> {
+    let full = meshes.iter().map(|m| m.second_order().unwrap());
+    let thin = meshes.iter().skip(1).step_by(2).map(|m| m.serendipity().unwrap());
+    full.chain(thin).collect()
+}
+
+/// A mesh with its nodes moved, and its whole boundary as the group "all".
+fn moved(mesh: &Mesh, to: impl Fn([f64; 3]) -> [f64; 3]) -> Mesh {
+    let points = mesh.points().iter().map(|p| to(*p)).collect();
+    let cells = (0..mesh.num_cells()).map(|c| (mesh.kind(c), mesh.cell(c).to_vec()));
+    let mut bent = Mesh::new(mesh.dim(), points, cells).unwrap();
+    bent.mark_boundary("all", |_| true);
+    bent
+}
+
+/// A distorted mesh of each kind of first order.
 fn meshes() -> Vec<Mesh> {
-    let bend = |mesh: Mesh| {
-        let points = mesh
-            .points()
-            .iter()
-            .map(|p| {
-                let [x, y, z] = *p;
-                [
-                    x + 0.1 * y * z + 0.05 * y * y,
-                    y + 0.1 * x * x,
-                    z * (1.0 + 0.1 * x),
-                ]
-            })
-            .collect();
-        let cells: Vec<_> = (0..mesh.num_cells())
-            .map(|c| (mesh.kind(c), mesh.cell(c).to_vec()))
-            .collect();
-        let mut bent = Mesh::new(mesh.dim(), points, cells).unwrap();
-        bent.mark_boundary("all", |_| true);
-        bent
+    let bend = |[x, y, z]: [f64; 3]| {
+        [
+            x + 0.1 * y * z + 0.05 * y * y,
+            y + 0.1 * x * x,
+            z * (1.0 + 0.1 * x),
+        ]
     };
     let plane = Mesh::rectangle([0.0, 0.0], [1.0, 1.5], [3, 4]).unwrap();
     let solid = Mesh::block([0.0; 3], [1.0, 1.5, 0.8], [2, 3, 2]).unwrap();
-    vec![
-        bend(plane.simplices().unwrap()),
-        bend(plane),
-        bend(solid.simplices().unwrap()),
-        bend(solid),
-    ]
+    let all = [
+        plane.simplices().unwrap(),
+        plane,
+        solid.simplices().unwrap(),
+        solid,
+    ];
+    all.iter().map(|m| moved(m, bend)).collect()
+}
+
+/// A distorted mesh of each kind, those of second order with curved edges and faces.
+fn all_meshes() -> Vec<Mesh> {
+    let bend = |[x, y, z]: [f64; 3]| {
+        let wave = 0.03 * (7.0 * x + 5.0 * y - 3.0 * z).sin();
+        [x + wave, y - 0.7 * wave, z + 0.4 * wave]
+    };
+    let plane = Mesh::rectangle([0.0, 0.0], [1.0, 1.5], [2, 3]).unwrap();
+    let solid = Mesh::block([0.0; 3], [1.0, 1.5, 0.8], [2, 2, 1]).unwrap();
+    let all = [
+        plane.simplices().unwrap(),
+        plane,
+        solid.simplices().unwrap(),
+        solid,
+    ];
+    let second = raised(&all).iter().map(|m| moved(m, bend)).collect::<Vec<_>>();
+    meshes().into_iter().chain(second).collect()
 }
 
 /// Linear displacements are reproduced exactly, for every kind of cell, with a general anisotropic tensor.
@@ -79,7 +113,7 @@ fn patch() {
         }
     }
     let gradient = [[0.3, -0.2, 0.1], [0.15, 0.4, -0.3], [0.2, 0.1, -0.25]];
-    for mesh in meshes() {
+    for mesh in all_meshes() {
         let dim = mesh.dim();
         let value = move |x: [f64; 3], d: usize| (0..dim).map(|e| gradient[d][e] * x[e]).sum::<f64>();
         let mut body = Elasticity::new(mesh.clone(), Material::tensor(&c).unwrap());
@@ -99,7 +133,7 @@ fn patch() {
 /// Rigid motions, translations and rotations, cost no force: K r = 0, seen from the supports (K_ff r_f + K_fs r_s = 0).
 #[test]
 fn rigid_motions() {
-    for mesh in meshes() {
+    for mesh in all_meshes() {
         let dim = mesh.dim();
         let spin = if dim == 2 {
             [0.0, 0.0, 0.7]

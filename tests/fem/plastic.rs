@@ -1,11 +1,11 @@
 //! Von Mises plasticity: the law against its variational principle, the tangent against differences, bodies against exact states.
 
-use semismooth::fem::{Elasticity, Mesh, PlasticBody, PlasticState, VonMises};
+use semismooth::fem::{CellKind, Elasticity, Mesh, PlasticBody, PlasticState, VonMises};
 use semismooth::piecewise::Semismooth;
 use semismooth::piecewise::check::{CheckOptions, check_semismooth};
 use semismooth::sparse::Matrix;
 
-use super::meshes;
+use super::all_meshes;
 
 /// Reproducible numbers in [−1, 1).
 struct Numbers(u64);
@@ -99,7 +99,7 @@ fn steps_are_minima() {
 fn histories() -> Vec<(PlasticBody, Vec<f64>)> {
     let mut numbers = Numbers(7);
     let mut all = Vec::new();
-    for mut mesh in meshes() {
+    for mut mesh in all_meshes() {
         let axis = mesh.dim() - 1;
         mesh.mark_boundary("held", |f| f.normal[axis] < -0.5);
         let supported = Elasticity::new(mesh, law().elastic().clone()).fix("held");
@@ -168,10 +168,11 @@ fn energy_is_balanced() {
     }
 }
 
-/// Before yielding a body of simplices is the elastic one, and displaced supports give the forces of their load case.
+/// Before yielding a body is the elastic one where the dilatation is no mean, and displaced supports give the forces of their load case.
 #[test]
-fn simplices_are_elastic_before_they_yield() {
-    for mut mesh in meshes().into_iter().step_by(2) {
+fn bodies_are_elastic_before_they_yield() {
+    let is_mean = |m: &Mesh| matches!(m.kind(0), CellKind::Quadrilateral | CellKind::Hexahedron);
+    for mut mesh in all_meshes().into_iter().filter(|m| !is_mean(m)) {
         let axis = mesh.dim() - 1;
         mesh.mark_boundary("held", |f| f.normal[axis] < -0.5);
         let supported = Elasticity::new(mesh, law().elastic().clone()).fix("held");
@@ -195,7 +196,7 @@ fn simplices_are_elastic_before_they_yield() {
 /// step.
 #[test]
 fn affine_motions_yield_evenly() {
-    for mesh in meshes() {
+    for mesh in all_meshes() {
         let dim = mesh.dim();
         let mut supported = Elasticity::new(mesh, law().elastic().clone());
         for d in 0..dim {

@@ -7,7 +7,11 @@ import numpy as np
 from . import _core
 
 #: Dimensions of the cell types of meshio that become cells or facets.
-_DIMENSIONS = {"line": 1, "triangle": 2, "quad": 2, "triangle6": 2, "line3": 1, "tetra": 3, "hexahedron": 3}
+_DIMENSIONS = {
+    **dict.fromkeys(["line", "line3"], 1),
+    **dict.fromkeys(["triangle", "quad", "triangle6", "quad8", "quad9"], 2),
+    **dict.fromkeys(["tetra", "hexahedron", "tetra10", "hexahedron20", "hexahedron27"], 3),
+}
 #: Cell types that are ignored.
 _IGNORED = {"vertex"}
 
@@ -41,7 +45,7 @@ def from_meshio(mesh: Any) -> _core.Mesh:
     unknown = sorted(set(kinds) - set(_DIMENSIONS) - _IGNORED)
     if unknown:
         raise _core.SemismoothError(
-            f"cells of kind {', '.join(unknown)} are not known: a mesh has triangle, quad, tetra and hexahedron, with nodes at the corners alone, and triangle6"
+            f"cells of kind {', '.join(unknown)} are not known: a mesh has {', '.join(k for k, d in _DIMENSIONS.items() if d > 1)}"
         )
     dimension = max((_DIMENSIONS[k] for k in kinds if k not in _IGNORED), default=0)
     if dimension < 2:

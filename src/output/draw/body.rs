@@ -297,7 +297,7 @@ impl<'a> BodyPicture<'a> {
         let mut seen = vec![false; points.len()];
         let mut facets = Vec::new();
         for facet in self.mesh.boundary() {
-            let corners: Vec<usize> = facet.nodes.iter().copied().take(4).collect();
+            let corners = facet.corners().to_vec();
             let flat: Vec<(f64, f64)> = corners.iter().map(|&n| view.flat(points[n])).collect();
             // Facets that face away, whose corners run clockwise in the picture, are hidden.
             let next = flat.iter().cycle().skip(1);
