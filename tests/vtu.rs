@@ -191,14 +191,24 @@ fn vtu() {
 
 #[test]
 fn kinds_of_cells() {
-    let triangles = Mesh::rectangle([0.0; 2], [1.0; 2], [1, 1])
-        .unwrap()
-        .simplices()
-        .unwrap();
+    let square = Mesh::rectangle([0.0; 2], [1.0; 2], [1, 1]).unwrap();
+    let triangles = square.simplices().unwrap();
     let boxes = Mesh::block([0.0; 3], [1.0; 3], [1, 1, 1]).unwrap();
+    let tetrahedra = boxes.simplices().unwrap();
     for (name, mesh, kinds, nodes) in [
         ("triangles", &triangles, vec![5, 5], 6),
         ("box", &boxes, vec![12], 8),
+        ("triangles6", &triangles.second_order().unwrap(), vec![22, 22], 12),
+        ("quadrilateral8", &square.serendipity().unwrap(), vec![23], 8),
+        ("quadrilateral9", &square.second_order().unwrap(), vec![28], 9),
+        (
+            "tetrahedra10",
+            &tetrahedra.second_order().unwrap(),
+            vec![24; 6],
+            60,
+        ),
+        ("box20", &boxes.serendipity().unwrap(), vec![25], 20),
+        ("box27", &boxes.second_order().unwrap(), vec![29], 27),
     ] {
         let path = folder().join(format!("{name}.vtu"));
         write_vtu(&path, mesh, &[], &[]).unwrap();
