@@ -9,16 +9,16 @@ use super::material::VOIGT;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Share {
     /// The gradient of its shape function.
-    gradient: [f64; 3],
+    pub(super) gradient: [f64; 3],
     /// In bodies of revolution its shape function over the radius, ∂ε₃₃/∂u₁; elsewhere 0.
-    hoop: f64,
+    pub(super) hoop: f64,
     /// A third of the correction of the gradient by the mean over the cell.
-    mean: [f64; 3],
+    pub(super) mean: [f64; 3],
 }
 
 impl Share {
     /// The volumetric strain under a unit displacement.
-    fn dilatation(&self, component: usize) -> f64 {
+    pub(super) fn dilatation(&self, component: usize) -> f64 {
         self.gradient[component] + if component == 0 { self.hoop } else { 0.0 }
     }
 
@@ -94,6 +94,12 @@ impl Points {
             volume: self.volumes[k],
             shares: &self.shares[begin..self.ends[k]],
         }
+    }
+
+    /// The volume of a point and the shares of its nodes.
+    pub(super) fn get_mut(&mut self, k: usize) -> (&mut f64, &mut [Share]) {
+        let begin = if k == 0 { 0 } else { self.ends[k - 1] };
+        (&mut self.volumes[k], &mut self.shares[begin..self.ends[k]])
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = Point<'_>> {

@@ -1,9 +1,9 @@
 //! Derivatives of the elastic forces at given displacements: in the constants of materials and in the positions of nodes.
 
 use super::assembly::{ElasticSystem, PRESCRIBED};
-use super::cell_points::{Point, points_of};
+use super::cell_points::{Point, Points};
 use super::element::MAX_NODES;
-use super::material::{MaterialConstant, PlaneModel};
+use super::material::{KEPT, MaterialConstant, PlaneModel};
 use super::{ContactRows, FemError};
 use crate::sparse::Matrix;
 use crate::words::named;
@@ -25,21 +25,21 @@ impl MaterialConstant {
     }
 }
 
-type Tensor = [[f64; 6]; 6];
+/// Stress from strain.
+pub(super) type Tensor = [[f64; 6]; 6];
 
 /// A cell with its displacements, and the strains of its nodal displacements at the points of integration.
 struct Cell {
     nodes: usize,
     dim: usize,
-    points: Vec<Point>,
+    points: Points,
     u: [[f64; 3]; MAX_NODES],
     is_mean: bool,
-    is_revolved: bool,
 }
 
 impl Cell {
     /// Σ over the displacements of the strains of a point, which are linear in them.
-    fn strain(&self, point: &Point) -> [f64; 6] {
+    fn strain(&self, point: Point<'_>) -> [f64; 6] {
         let mut strain = [0.0; 6];
         for a in 0..self.nodes {
             for d in (0..self.dim).filter(|&d| self.u[a][d] != 0.0) {
@@ -51,21 +51,19 @@ impl Cell {
     }
 
     /// The points' changes as node `a` moves along `d`: exact, as are shape functions and weights fixed in the reference cell.
-    fn changes(&self, a: usize, d: usize) -> Vec<Point> {
-        let change = |p: &Point| {
-            let turn = if self.is_revolved && d == 0 {
-                p.hoop[a]
-            } else {
-                0.0
-            };
-            Point {
-                volume: p.volume * (p.gradient[a][d] + turn),
-                gradient: p.gradient.map(|own| p.gradient[a].map(|g| -own[d] * g)),
-                hoop: p.hoop.map(|own| -own * turn),
-                mean: [[0.0; 3]; MAX_NODES],
+    fn changes(&self, a: usize, d: usize) -> Points {
+        let mut changes = self.points.clone();
+        for (k, point) in self.points.iter().enumerate() {
+            let moved = point.shares[a];
+            let turn = if d == 0 { moved.hoop } else { 0.0 };
+            let (volume, shares) = changes.get_mut(k);
+            *volume *= moved.gradient[d] + turn;
+            for share in shares {
+                share.gradient = moved.gradient.map(|g| -share.gradient[d] * g);
+                share.hoop *= -turn;
+                share.mean = [0.0; 3];
             }
-        };
-        let mut changes: Vec<Point> = self.points.iter().map(change).collect();
+        }
         if !self.is_mean {
             return changes;
         }
@@ -74,13 +72,14 @@ impl Cell {
         for b in 0..self.nodes {
             for e in 0..3 {
                 let (mut mean, mut moved) = (0.0, 0.0);
-                for (p, c) in self.points.iter().zip(&changes) {
+                for (p, c) in self.points.iter().zip(changes.iter()) {
                     mean += p.volume * p.dilatation(b, e);
                     moved += c.volume * p.dilatation(b, e) + p.volume * c.dilatation(b, e);
                 }
                 let moved = (moved - mean * grown / volume) / volume;
-                for c in &mut changes {
-                    c.mean[b][e] = (moved - c.dilatation(b, e)) / 3.0;
+                for k in 0..changes.len() {
+                    let share = &mut changes.get_mut(k).1[b];
+                    share.mean[e] = (moved - share.dilatation(e)) / 3.0;
                 }
             }
         }
@@ -88,7 +87,7 @@ impl Cell {
     }
 
     /// Adds the nodal forces of stresses.
-    fn add_forces(&self, point: &Point, stress: [f64; 6], forces: &mut [[f64; 3]; MAX_NODES]) {
+    fn add_forces(&self, point: Point<'_>, stress: [f64; 6], forces: &mut [[f64; 3]; MAX_NODES]) {
         for (b, force) in forces.iter_mut().enumerate().take(self.nodes) {
             for (e, f) in force.iter_mut().enumerate().take(self.dim) {
                 let column = point.column(b, e);
@@ -103,8 +102,9 @@ fn times(tensor: &Tensor, strain: [f64; 6], scale: f64) -> [f64; 6] {
 }
 
 impl ElasticSystem {
-    /// The tensor of a plane body or a solid, by the components of strain.
-    fn tensor(&self, material: usize) -> Tensor {
+    /// The tensor of a plane body or a solid, by the components of strain. In plane stress the strains out of the plane, of which
+    /// displacements have none, make no stress either.
+    pub(super) fn tensor(&self, material: usize) -> Tensor {
         let material = &self.materials[material];
         match self.mesh.dim() == 2 && self.plane == PlaneModel::Stress {
             true => spread(material.plane(PlaneModel::Stress)),
@@ -122,10 +122,9 @@ impl ElasticSystem {
         Cell {
             nodes: kind.num_nodes(),
             dim,
-            points: points_of(kind, &self.mesh.corners(cell), is_mean, self.is_revolved()),
+            points: Points::of(kind, &self.mesh.nodes_at(cell), is_mean, self.is_revolved()),
             u,
             is_mean,
-            is_revolved: self.is_revolved(),
         }
     }
 
@@ -197,7 +196,7 @@ impl ElasticSystem {
             };
             let own = self.with_displacements(cell, displacements);
             let mut nodal = [[0.0; 3]; MAX_NODES];
-            for point in &own.points {
+            for point in own.points.iter() {
                 let stress = times(&tensor, own.strain(point), point.volume);
                 own.add_forces(point, stress, &mut nodal);
             }
@@ -228,7 +227,7 @@ impl ElasticSystem {
                 for d in 0..dim {
                     let mut nodal = [[0.0; 3]; MAX_NODES];
                     let changes = own.changes(a, d);
-                    for ((point, change), strain) in own.points.iter().zip(&changes).zip(&strains) {
+                    for ((point, change), strain) in own.points.iter().zip(changes.iter()).zip(&strains) {
                         own.add_forces(change, times(&tensor, *strain, point.volume), &mut nodal);
                         let mut stress = times(&tensor, *strain, change.volume);
                         let other = times(&tensor, own.strain(change), point.volume);
@@ -252,7 +251,6 @@ impl ElasticSystem {
 }
 
 fn spread(plane: [[f64; 3]; 3]) -> Tensor {
-    const KEPT: [usize; 3] = [0, 1, 3];
     let mut tensor = [[0.0; 6]; 6];
     for (i, row) in KEPT.into_iter().zip(plane) {
         KEPT.into_iter().zip(row).for_each(|(j, c)| tensor[i][j] = c);
@@ -277,7 +275,7 @@ impl ContactRows {
         if !self.is_nodal(system) {
             return Err(FemError::Frame {
                 node: 0,
-                what: "rows between two bodies change with positions in more than their gaps, which is not differentiated".into(),
+                what: "rows between two bodies, or of facets of second order, change with positions in more than their gaps, which is not differentiated".into(),
             });
         }
         let mut entries = Vec::new();

@@ -1,9 +1,9 @@
 //! Stiffness of cells.
 
+use super::ElasticSystem;
 use super::cell_points::Points;
+use super::derivatives::Tensor;
 use super::element::{CellKind, MAX_NODES};
-use super::material::KEPT;
-use super::{ElasticSystem, Material, PlaneModel};
 
 /// Number of cell shapes whose stiffness is cached.
 const SHAPES: usize = 256;
@@ -59,7 +59,7 @@ impl<'a> Elements<'a> {
     pub(super) fn new(system: &'a ElasticSystem) -> Self {
         Self {
             system,
-            tensors: tensors(&system.materials, system.mesh.dim(), system.plane),
+            tensors: (0..system.materials.len()).map(|m| system.tensor(m)).collect(),
             known: Vec::new(),
             other: ElementMatrix::default(),
             work: Work::default(),
@@ -106,24 +106,6 @@ impl<'a> Elements<'a> {
         }
         element
     }
-}
-
-/// Stress from strain.
-type Tensor = [[f64; 6]; 6];
-
-/// In plane stress the strains out of the plane, of which displacements have none, make no stress either.
-fn tensors(materials: &[Material], dim: usize, plane: PlaneModel) -> Vec<Tensor> {
-    let tensor = |m: &Material| {
-        if dim == 3 || plane != PlaneModel::Stress {
-            return m.solid();
-        }
-        let mut tensor = [[0.0; 6]; 6];
-        for (row, i) in m.plane(plane).into_iter().zip(KEPT) {
-            row.into_iter().zip(KEPT).for_each(|(c, j)| tensor[i][j] = c);
-        }
-        tensor
-    };
-    materials.iter().map(tensor).collect()
 }
 
 /// Stiffness of one cell, column-major.
