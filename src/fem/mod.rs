@@ -26,6 +26,7 @@ mod mesh;
 mod mortar;
 mod multipliers;
 mod nodal;
+mod notes;
 mod order;
 mod overlap;
 mod plastic;
