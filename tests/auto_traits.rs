@@ -330,6 +330,7 @@ fn of_every_build() -> Vec<&'static str> {
         "cones::ConeIteration": cones::ConeIteration,
         "cones::ConeMap": cones::ConeMap<'static, F>,
         "cones::ConeOptions": cones::ConeOptions,
+        "cones::ConePieces": cones::ConePieces<F>,
         "cones::ConeProblem": cones::ConeProblem<F>,
         "cones::ConeRay": cones::ConeRay,
         "cones::ConeReport": cones::ConeReport,

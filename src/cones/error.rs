@@ -24,6 +24,14 @@ pub enum ConeError {
         /// Position of the last cone of the sum, from 0.
         index: usize,
     },
+    /// A cone whose projection has no finite list of smooth pieces.
+    #[error(
+        "cone {index} is one of semidefinite matrices, whose projection has no finite list of smooth pieces"
+    )]
+    NoPieces {
+        /// Position of the cone, from 0.
+        index: usize,
+    },
     /// The numbers of variables do not agree.
     #[error("{what} has length {found}, expected {expected}")]
     Length {

@@ -8,10 +8,12 @@
 //! Maps of n + k variables come from closures ([`parametric`](crate::parametric)), from complementarity
 //! problems ([`Mcp::with_parameters`](crate::complementarity::Mcp::with_parameters),
 //! [`Lcp::in_constants`](crate::complementarity::Lcp::in_constants)), from any map and the columns of its
-//! derivative in loads ([`Loaded`]), or are maps of your own. The map of a curve has one parameter, α: that
+//! derivative in loads ([`Loaded`]), from variational inequalities with their multipliers
+//! ([`Vi::with_parameters`](crate::variational::Vi::with_parameters)), from problems over second-order cones
+//! ([`ConePieces`](crate::cones::ConePieces)), or are maps of your own. The map of a curve has one parameter, α: that
 //! of a [contact problem](crate::contact) its load parameter, on which coefficients of friction may depend,
-//! too; its loads are added by [`Loaded`] with columns of
-//! [`load_derivative`](crate::contact::Contact::load_derivative). A [`Solution`](crate::Solution) leads here
+//! too; all other data of its problem are parameters of
+//! [`Contact::sensitivity`](crate::contact::Contact::sensitivity). A [`Solution`](crate::Solution) leads here
 //! by [`sensitivity`](crate::Solution::sensitivity).
 
 mod differentiable;

@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use semismooth::complementarity::{AffineFunction, WithJacobian};
-use semismooth::cones::{Cone, ConeMap, ConeOptions, ConeProblem, ConeSolver, smat, svec};
+use semismooth::cones::{Cone, ConeMap, ConeOptions, ConePieces, ConeProblem, ConeSolver, smat, svec};
 use semismooth::piecewise::Semismooth;
 use semismooth::run::Status;
 use semismooth::sparse::Matrix;
@@ -246,5 +246,25 @@ fn cones() {
     functions(&mut t);
     maps(&mut t);
     matrices(&mut t);
+    pieces(&mut t);
     t.finish();
+}
+
+fn pieces(t: &mut Table) {
+    let new = "cones::ConePieces::new";
+    t.refuses(new, "no cones", "no variables", || {
+        ConePieces::new(identity(3), vec![])
+    });
+    t.refuses(new, "a cone without variables", "cone 1", || {
+        ConePieces::new(identity(3), vec![Cone::Free(3), Cone::SecondOrder(0)])
+    });
+    t.refuses(new, "more variables than can be counted", "cone", || {
+        ConePieces::new(identity(3), vec![Cone::Free(usize::MAX), Cone::Nonnegative(2)])
+    });
+    t.refuses(new, "matrices", "semidefinite", || {
+        ConePieces::new(identity(3), vec![Cone::Semidefinite(2)])
+    });
+    t.refuses(new, "F of other values", "F has length 3, expected 2", || {
+        ConePieces::new(identity(3), vec![Cone::SecondOrder(2)])
+    });
 }

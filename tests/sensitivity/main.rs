@@ -4,6 +4,7 @@
 #[path = "../common/random.rs"]
 mod random;
 
+mod cones;
 mod contact;
 mod degenerate;
 mod exact;
