@@ -110,19 +110,15 @@ impl<F: McpFunction> ConePieces<F> {
     /// No cones, a cone without variables, more variables than can be counted, F with another number of values or fewer variables than
     /// the cones, or a pattern of another shape; semidefinite cones, whose projection has no finite list of pieces.
     pub fn new(function: F, cones: Vec<Cone>) -> Result<Self, ConeError> {
-        let (mut n, mut sites, mut free) = (0_usize, Vec::new(), Vec::new());
+        let mut n = 0_usize;
         for (index, cone) in cones.iter().enumerate() {
             if cone.is_empty() {
                 return Err(ConeError::NoVariables { index });
             }
-            let end = n.checked_add(cone.len()).ok_or(ConeError::TooLarge { index })?;
-            match cone {
-                Cone::SecondOrder(_) => sites.push(n..end),
-                Cone::Nonnegative(_) => sites.extend((n..end).map(|i| i..i + 1)),
-                Cone::Free(_) => free.extend(n..end),
-                Cone::Semidefinite(_) => return Err(ConeError::NoPieces { index }),
+            if matches!(cone, Cone::Semidefinite(_)) {
+                return Err(ConeError::NoPieces { index });
             }
-            n = end;
+            n = n.checked_add(cone.len()).ok_or(ConeError::TooLarge { index })?;
         }
         if n == 0 {
             return Err(ConeError::Empty);
@@ -131,6 +127,16 @@ impl<F: McpFunction> ConePieces<F> {
         let vars = function.num_vars();
         if vars < n {
             check_length("the argument of F", vars, n)?;
+        }
+        let (mut first, mut sites, mut free) = (0, Vec::new(), Vec::new());
+        for cone in &cones {
+            let range = first..first + cone.len();
+            first = range.end;
+            match cone {
+                Cone::SecondOrder(_) => sites.push(range),
+                Cone::Nonnegative(_) => sites.extend(range.map(|i| i..i + 1)),
+                _ => free.extend(range),
+            }
         }
         let own = function.pattern();
         check_length("a column of the pattern of F", own.nrows(), n)?;
