@@ -17,6 +17,7 @@
 //! | [`fem`], [`contact`] | linear elasticity on meshes, Coulomb friction in the plane and in space |
 //! | [`output`] | tables, JSON, pictures, VTU |
 //! | [`sensitivity`] | derivatives of solutions in parameters, one-sided ones at kinks |
+//! | [`stability`] | eigenvalues along curves of equilibria, Hopf points, equilibria at kinks |
 //! | [`optimise`] | functions of solutions minimised over parameters |
 //! | [`linear`], [`sparse`] | linear solvers behind one trait, sparse matrices |
 //! | [`sweep`] | many problems at once |
@@ -60,6 +61,7 @@ pub mod run;
 pub mod sensitivity;
 pub mod sparse;
 mod spread;
+pub mod stability;
 pub mod sweep;
 pub mod variational;
 mod words;

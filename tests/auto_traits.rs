@@ -364,6 +364,15 @@ fn of_every_build() -> Vec<&'static str> {
         "sensitivity::Sensitivity": sensitivity::Sensitivity<Map>,
         "sensitivity::SensitivityError": sensitivity::SensitivityError,
         "sensitivity::Validity": sensitivity::Validity,
+        "stability::BoundaryEquilibrium": stability::BoundaryEquilibrium,
+        "stability::BoundaryKind": stability::BoundaryKind,
+        "stability::Dynamics": stability::Dynamics<'static, Map>,
+        "stability::Hopf": stability::Hopf,
+        "stability::Ritz": stability::Ritz,
+        "stability::Spectrum": stability::Spectrum,
+        "stability::StabilityBranch": stability::StabilityBranch,
+        "stability::StabilityError": stability::StabilityError,
+        "stability::Stretch": stability::Stretch,
         "sparse::NodalMatrix": sparse::NodalMatrix,
         "sparse::Pattern": sparse::Pattern,
         "sparse::PatternRef": sparse::PatternRef<'static>,
@@ -487,5 +496,6 @@ fn errors_are_data() {
     error::<semismooth::cones::ConeError>();
     error::<semismooth::sensitivity::SensitivityError>();
     error::<semismooth::sparse::SparseError>();
+    error::<semismooth::stability::StabilityError>();
     error::<semismooth::variational::VariationalError>();
 }

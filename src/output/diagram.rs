@@ -5,6 +5,7 @@ use crate::contact::ContactState;
 use crate::continuation::{Branch, Diagram, DiagramEdge, Point as CurvePoint, TransitionKind, VertexKind};
 use crate::piecewise::Selection;
 use crate::sparse::distance;
+use crate::stability::StabilityBranch;
 
 /// An sRGB colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -47,7 +48,7 @@ pub struct SegmentStyle {
     pub name: Cow<'static, str>,
     /// Colour of the line.
     pub colour: Colour,
-    /// Whether the line is dashed: where det ∇_yH < 0, in the pictures of this crate.
+    /// Whether the line is dashed: where det ∇_yH < 0, in the pictures of this crate, and in those of stability where it is unstable.
     pub dashed: bool,
 }
 
@@ -100,6 +101,8 @@ pub enum Marker {
     Isolated,
     /// ⊗ An event that is not resolved.
     Undecided,
+    /// ◉ A pair of eigenvalues crosses the imaginary axis.
+    Hopf,
     /// ✱ The curve starts.
     Start,
     /// ＋ A computed or measured value, on curves that join such values.
@@ -107,7 +110,7 @@ pub enum Marker {
 }
 
 impl Marker {
-    pub(super) const ALL: [Self; 10] = [
+    pub(super) const ALL: [Self; 11] = [
         Self::Transition,
         Self::Fold,
         Self::SmoothFold,
@@ -116,6 +119,7 @@ impl Marker {
         Self::End,
         Self::Isolated,
         Self::Undecided,
+        Self::Hopf,
         Self::Start,
         Self::Value,
     ];
@@ -132,6 +136,7 @@ impl Marker {
             Self::End => "end",
             Self::Isolated => "isolated solution",
             Self::Undecided => "undecided",
+            Self::Hopf => "Hopf point",
             Self::Start => "start",
             Self::Value => "value",
         }
@@ -191,6 +196,8 @@ pub struct Curve {
     pub(super) marks: Vec<(Marker, Point)>,
     /// Whether arrows show the orientation.
     pub(super) arrows: bool,
+    /// Whether dashes say unstable.
+    pub(super) by_stability: bool,
 }
 
 impl Curve {
@@ -240,6 +247,29 @@ impl Curve {
             ..Self::default()
         }
         .with_tangents(branch, place)
+    }
+
+    /// A curve of equilibria over its parameter, solid where it is stable and dashed where not, with marks at its events, Hopf points among
+    /// them. The line is a polyline through the points of the curve.
+    pub fn of_stability(
+        found: &StabilityBranch,
+        ordinate: impl Fn(&[f64]) -> f64,
+        style: &SegmentStyle,
+    ) -> Self {
+        let place = |x: &[f64]| (x.last().copied().unwrap_or(f64::NAN), ordinate(x));
+        let stretches = &found.stretches;
+        let last = stretches.last().map(|s| place(&s.ends[1]));
+        let vertices = stretches.iter().map(|s| place(&s.ends[0])).chain(last);
+        let styles = stretches
+            .iter()
+            .map(|s| style.clone().with_dashes(s.unstable > 0));
+        let of_branch = Self::of_branch(&found.branch, &ordinate, |_, _| style.clone());
+        Self {
+            by_stability: true,
+            marks: of_branch.marks,
+            ..Self::segments(vertices.collect(), styles.collect())
+        }
+        .with_marks(Marker::Hopf, found.hopf.iter().map(|h| place(&h.point.x)))
     }
 
     /// An edge of an explored diagram, without marks; dashed where det ∇_yH < 0. `ordinate` and `style` as in

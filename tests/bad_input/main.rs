@@ -20,5 +20,6 @@ mod piecewise;
 mod sensitivity;
 mod sources;
 mod sparse;
+mod stability;
 mod table;
 mod variational;

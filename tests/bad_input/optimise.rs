@@ -115,4 +115,5 @@ fn optimisation() {
     t.refuses("implicit", "bounds that cross", "lies above", || {
         semismooth::implicit(|x, _| x[0], |x, p| vec![x[0] - p[0]], [&[1.0], &[0.0]], &[0.0], 1)
     });
+    t.finish();
 }

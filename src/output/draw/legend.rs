@@ -14,6 +14,7 @@ const GAP: f64 = 18.0;
 pub(super) enum Entry<'a> {
     Class(&'a SegmentStyle),
     Negative,
+    Unstable,
     Mark(Marker),
 }
 
@@ -22,6 +23,7 @@ impl Entry<'_> {
         match self {
             Self::Class(style) => &style.name,
             Self::Negative => "det < 0",
+            Self::Unstable => "unstable",
             Self::Mark(marker) => marker.name(),
         }
     }
@@ -37,9 +39,12 @@ pub(super) fn rows(diagram: &BranchDiagram) -> Vec<Vec<Entry<'_>>> {
     let named = diagram.panels.iter().flat_map(|p| &p.classes);
     let classes = named_once(curves().flat_map(|c| &c.styles).chain(named));
     let mut entries: Vec<Entry<'_>> = classes.into_iter().map(Entry::Class).collect();
-    if curves().flat_map(|c| &c.styles).any(|s| s.dashed) {
-        entries.push(Entry::Negative);
-    }
+    let dashed = |by_stability| {
+        let mut own = curves().filter(|c| c.by_stability == by_stability);
+        own.any(|c| c.styles.iter().any(|s| s.dashed))
+    };
+    entries.extend(dashed(false).then_some(Entry::Negative));
+    entries.extend(dashed(true).then_some(Entry::Unstable));
     let used = |kind: &Marker| curves().flat_map(|c| &c.marks).any(|m| m.0 == *kind);
     entries.extend(Marker::ALL.into_iter().filter(used).map(Entry::Mark));
     in_rows(entries, f64::from(diagram.size.0))
@@ -94,7 +99,7 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, rows: &[Vec<Entry<'_>>], width: f64,
             };
             match entry {
                 Entry::Class(class) => shapes.push(sample(class.colour, false)),
-                Entry::Negative => shapes.push(sample(Colour::GREY, true)),
+                Entry::Negative | Entry::Unstable => shapes.push(sample(Colour::GREY, true)),
                 Entry::Mark(marker) => shapes.extend(mark(*marker, (x + 0.55 * SIGN, y), 5.0)),
             }
             shapes.push(text(entry.label(), (x + SIGN, y), SMALL, Anchor::Start));

@@ -399,6 +399,7 @@ fn mark(kind: Marker, (x, y): Pixel, r: f64) -> Vec<Shape> {
         Marker::End => vec![ray(0.9, 0.9, 2.0), ray(0.9, -0.9, 2.0)],
         Marker::Isolated => vec![circle(0.7 * r, BLACK)],
         Marker::Undecided => vec![circle(1.1 * r, WHITE), ray(0.7, 0.7, LINE), ray(0.7, -0.7, LINE)],
+        Marker::Hopf => vec![circle(1.1 * r, WHITE), circle(0.5 * r, BLACK)],
         Marker::Start => vec![ray(0.0, 1.3, 2.0), ray(1.13, 0.65, 2.0), ray(1.13, -0.65, 2.0)],
         Marker::Value => vec![ray(1.1, 0.0, LINE), ray(0.0, 1.1, LINE)],
     }

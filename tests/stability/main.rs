@@ -1,0 +1,5 @@
+//! Stability of equilibria: against normal forms and systems whose eigenvalues are known in closed form.
+#![cfg(feature = "autodiff")]
+
+mod kinks;
+mod smooth;

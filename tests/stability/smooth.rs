@@ -1,0 +1,195 @@
+use semismooth::continuation::{ContinuationOptions, Direction};
+use semismooth::parametric;
+use semismooth::stability::{Dynamics, StabilityBranch, StabilityError};
+
+fn range(from: f64, to: f64) -> ContinuationOptions {
+    ContinuationOptions::default().with_parameter_range((from, to))
+}
+
+/// y₁′ = a + y₁² y₂ − (b + 1) y₁, y₂′ = b y₁ − y₁² y₂ of I. Prigogine and R. Lefever: the equilibrium (a, b/a) has a Hopf point at b = 1 + a²
+/// with ω = a. A third unknown with an algebraic equation changes nothing.
+#[test]
+fn brusselator() {
+    let a = 1.3;
+    let plain = parametric(2, 1, |y, b| {
+        let rate = y[0] * y[0] * y[1];
+        vec![a + rate - (b[0] + 1.0) * y[0], b[0] * y[0] - rate]
+    });
+    let found = Dynamics::new(&plain)
+        .follow(&[a, 0.5 / a, 0.5], Direction::Increasing, range(0.5, 4.0))
+        .unwrap();
+    let algebraic = parametric(3, 1, |y, b| {
+        vec![
+            a + y[2] - (b[0] + 1.0) * y[0],
+            3.0 * (b[0] * y[0] - y[2]),
+            y[0] * y[0] * y[1] - y[2],
+        ]
+    });
+    let dynamics = Dynamics::new(&algebraic).with_mass(vec![1.0, 3.0, 0.0]).unwrap();
+    let other = dynamics
+        .follow(
+            &[a, 0.5 / a, 0.5 * a, 0.5],
+            Direction::Increasing,
+            range(0.5, 4.0),
+        )
+        .unwrap();
+    for found in [&found, &other] {
+        assert_eq!(
+            (found.hopf.len(), found.kinks.len(), found.unexplained.len()),
+            (1, 0, 0)
+        );
+        let hopf = &found.hopf[0];
+        assert!(
+            (hopf.parameter() - (1.0 + a * a)).abs() < 1e-11 && (hopf.frequency - a).abs() < 1e-10,
+            "{hopf}"
+        );
+        for (point, spectrum) in found.branch.points.iter().zip(&found.spectra) {
+            let b = point.parameter();
+            assert_eq!(spectrum.unstable, if b > 1.0 + a * a { 2 } else { 0 });
+            // λ² − (b − 1 − a²) λ + a² = 0.
+            let [z, w] = [spectrum.eigenvalues[0], spectrum.eigenvalues[1]];
+            assert!((z.0 + w.0 - (b - 1.0 - a * a)).abs() < 1e-11);
+            assert!((z.0 * w.0 - z.1 * w.1 - a * a).abs() < 1e-10);
+        }
+        let change = found
+            .stretches
+            .windows(2)
+            .filter(|w| w[0].unstable != w[1].unstable)
+            .count();
+        assert_eq!(change, 1);
+    }
+}
+
+/// 0 = y₁ does not determine y₂: the system is not of index 1.
+#[test]
+fn algebraic_equations_must_determine_their_unknowns() {
+    let map = parametric(2, 1, |y, a| vec![y[1] - a[0] - y[0], 1.0 * y[0]]);
+    let dynamics = Dynamics::new(&map).with_mass(vec![1.0, 0.0]).unwrap();
+    assert_eq!(dynamics.spectrum(&[0.0; 3]), Err(StabilityError::Index));
+}
+
+/// Two pairs that cross one after the other, a real pair λ, −λ that is none, and folds in between.
+#[test]
+fn what_is_and_what_is_no_hopf_point() {
+    // Pairs (α − 0.3) ± 2i and (0.7 − α) ± 5i at y = 0.
+    let two = parametric(4, 1, |y, a| {
+        vec![
+            (a[0] - 0.3) * y[0] - 2.0 * y[1],
+            2.0 * y[0] + (a[0] - 0.3) * y[1],
+            (0.7 - a[0]) * y[2] - 5.0 * y[3],
+            5.0 * y[2] + (0.7 - a[0]) * y[3],
+        ]
+    });
+    let found = Dynamics::new(&two)
+        .follow(&[0.0, 0.0, 0.0, 0.0, 0.0], Direction::Increasing, range(0.0, 1.0))
+        .unwrap();
+    let points: Vec<_> = found.hopf.iter().map(|h| (h.parameter(), h.frequency)).collect();
+    assert_eq!(points.len(), 2, "{points:?}");
+    assert!(
+        (points[0].0 - 0.3).abs() < 1e-12 && (points[0].1 - 2.0).abs() < 1e-11,
+        "{points:?}"
+    );
+    assert!(
+        (points[1].0 - 0.7).abs() < 1e-12 && (points[1].1 - 5.0).abs() < 1e-11,
+        "{points:?}"
+    );
+    assert_eq!(found.spectra.iter().map(|s| s.unstable).max(), Some(4));
+    // Eigenvalues 1 and α − 2: at α = 1 their sum vanishes.
+    let saddle = parametric(2, 1, |y, a| vec![1.0 * y[0], (a[0] - 2.0) * y[1]]);
+    let found = Dynamics::new(&saddle)
+        .follow(&[0.0, 0.0, 0.0], Direction::Increasing, range(0.0, 1.5))
+        .unwrap();
+    assert_eq!((found.branch.monitor_crossings.len(), found.hopf.len()), (1, 0));
+    assert!(found.unexplained.is_empty() && found.spectra.iter().all(|s| s.unstable == 1));
+    // A fold y₁² = α with the other eigenvalue −1: one side is stable.
+    let fold = parametric(2, 1, |y, a| vec![a[0] - y[0] * y[0], -1.0 * y[1]]);
+    let found = Dynamics::new(&fold)
+        .follow(&[1.0, 0.0, 1.0], Direction::Decreasing, range(-1.0, 2.0))
+        .unwrap();
+    assert!(found.branch.smooth_folds.len() == 1 && found.unexplained.is_empty());
+    for (point, spectrum) in found.branch.points.iter().zip(&found.spectra) {
+        if spectrum.undecided == 0 {
+            assert_eq!(spectrum.is_stable(), Some(point.x[0] > 0.0));
+        }
+    }
+}
+
+/// The chain y′ = tridiag(1, −2, 1) y of n equations has the eigenvalues −4 sin²(kπ / 2(n+1)).
+#[test]
+fn some_eigenvalues_of_large_systems() {
+    let n = 1500;
+    let chain = parametric(n, 1, |y, a| {
+        let at = |i: usize| y[i];
+        (0..n)
+            .map(|i| {
+                let mut sum = -2.0 * at(i) + 0.0 * a[0];
+                if i > 0 {
+                    sum = sum + at(i - 1);
+                }
+                if i + 1 < n {
+                    sum = sum + at(i + 1);
+                }
+                sum
+            })
+            .collect()
+    });
+    let x = vec![0.0; n + 1];
+    let dynamics = Dynamics::new(&chain);
+    assert!(matches!(
+        dynamics.spectrum(&x),
+        Err(StabilityError::TooLarge { size: 1500, .. })
+    ));
+    let found = dynamics.nearest(&x, 1e-3, 6).unwrap();
+    for (k, ritz) in found.iter().enumerate() {
+        let half = std::f64::consts::PI * (k + 1) as f64 / (2 * (n + 1)) as f64;
+        let exact = -4.0 * half.sin().powi(2);
+        assert!(
+            (ritz.value.0 - exact).abs() < 1e-9 * (exact - 1e-3).abs() && ritz.value.1 == 0.0,
+            "{k} {ritz:?} {exact}"
+        );
+        assert!(ritz.change < 1e-6, "{ritz:?}");
+    }
+}
+
+/// The neural mass model of J. M. Cortes and others (2013) with the parameters of a tutorial of BifurcationKit.jl, whose documentation prints
+/// folds at E₀ ≈ −1.46302733 and −1.86522391, and Hopf points in (−1.85012460, −1.85012447) and (−1.15105942, −1.15105934).
+#[test]
+fn neural_mass() {
+    let [alpha, tau, gain, tau_d, u0, tau_f] = [1.5, 0.013, 3.07, 0.2, 0.3, 1.5];
+    let map = parametric(3, 1, |z, e0| {
+        let input = gain * z[2] * z[1] * z[0] + e0[0];
+        let rate = alpha * ((input / alpha).exp() + 1.0).ln();
+        vec![
+            (rate - z[0]) / tau,
+            (1.0 - z[1]) / tau_d - z[2] * z[1] * z[0],
+            (u0 - z[2]) / tau_f + u0 * (1.0 - z[2]) * z[0],
+        ]
+    });
+    let start = [0.238616, 0.982747, 0.367876, -2.0];
+    let options = range(-4.0, -0.9).with_max_step(0.05);
+    let found = Dynamics::new(&map)
+        .follow(&start, Direction::Increasing, options)
+        .unwrap();
+    let folds = found.branch.folds();
+    assert_eq!(folds.len(), 2);
+    assert!(
+        (folds[0] + 1.46302733).abs() < 1e-8 && (folds[1] + 1.86522391).abs() < 1e-8,
+        "{folds:?}"
+    );
+    let mut hopf: Vec<f64> = found.hopf.iter().map(|h| h.parameter()).collect();
+    hopf.sort_by(f64::total_cmp);
+    assert_eq!(hopf.len(), 2, "{hopf:?}");
+    assert!(
+        hopf[0] > -1.8501246 - 1e-8 && hopf[0] < -1.85012447 + 1e-8,
+        "{hopf:?}"
+    );
+    assert!(
+        hopf[1] > -1.15105942 - 1e-8 && hopf[1] < -1.15105934 + 1e-8,
+        "{hopf:?}"
+    );
+    assert!(found.unexplained.is_empty(), "{:?}", found.unexplained);
+    assert_eq!(
+        (found.spectra[0].unstable, found.spectra.last().unwrap().unstable),
+        (0, 0)
+    );
+}
