@@ -253,6 +253,7 @@ fn of_every_build() -> Vec<&'static str> {
         "fem::PlasticEnergies": fem::PlasticEnergies,
         "fem::PlasticResponse": fem::PlasticResponse,
         "fem::PlasticState": fem::PlasticState,
+        "fem::Spring": fem::Spring,
         "fem::TraceSpace": fem::TraceSpace<'static>,
         "fem::VonMises": fem::VonMises,
         "interface::CondensedInterface": interface::CondensedInterface<Map>,

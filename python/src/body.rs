@@ -7,7 +7,7 @@ use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyList, PyString, PyTuple};
 use semismooth::UnknownName;
-use semismooth::fem::{self, ElasticSystem, Elasticity, PlaneModel};
+use semismooth::fem::{self, ElasticSystem, Elasticity, PlaneModel, Spring};
 use semismooth::interface::LoadCase;
 
 use crate::arrays::{Columns, columns, counted};
@@ -127,7 +127,7 @@ impl Load {
     }
 }
 
-/// A linearly elastic body on supports, discretised by linear (triangles, tetrahedra) or multilinear elements.
+/// A linearly elastic body on supports, discretised by elements of first or second order.
 ///
 /// Any consistent units: metres and GPa give nodal forces in GN (in the plane per metre of depth).
 ///
@@ -136,7 +136,7 @@ impl Load {
 /// mesh : Mesh
 /// material : Material
 /// supports : dict
-///     Names of groups of facets, and the displacement there: one number for all components, or a list of d entries with ``None`` for those
+///     Names of groups of facets or nodes, and the displacement there: one number for all components, or a list of d entries with ``None`` for those
 ///     that are free. Numbers may be functions of a point of shape (d,). Where groups share nodes, later ones take precedence.
 /// materials : dict, optional
 ///     Other materials for groups of cells.
@@ -150,6 +150,13 @@ impl Load {
 /// floating : bool
 ///     Whether supports may leave rigid motions, of bodies that contact and friction alone hold (``supports={}``): with ``form="full"`` of
 ///     :class:`ContactProblem`, which says where nothing balances the load.
+/// springs : dict, optional
+///     Springs at each node of a group of nodes, to the ground, or between the nodes of two groups (a pair of names), one by one: the
+///     stiffness (force per displacement, in a body of revolution of whole rings), one number for all components or d of them. Bodies that
+///     springs between them alone hold need ``floating=True``.
+/// foundations : dict, optional
+///     Elastic foundations (of Winkler) below groups of facets, which stay in contact under tension: the stiffness per area along the
+///     normal, or a pair with that along the tangents.
 ///
 /// >>> import semismooth as ss
 /// >>> mesh = ss.Mesh.rectangle([0, 0], [4, 1], [8, 2])
@@ -168,7 +175,8 @@ pub(crate) struct Body {
 impl Body {
     #[new]
     #[pyo3(signature = (
-        mesh, material, *, supports, materials=None, plane="strain", dilatation="automatic", floating=false
+        mesh, material, *, supports, materials=None, plane="strain", dilatation="automatic", floating=false, springs=None,
+        foundations=None
     ))]
     fn new(
         mesh: &Bound<'_, Mesh>,
@@ -178,20 +186,25 @@ impl Body {
         plane: &str,
         dilatation: &str,
         floating: bool,
+        springs: Option<&Bound<'_, PyDict>>,
+        foundations: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         // Of their own, as the caller may change his.
-        let (kept, others) = (supports.copy()?, materials.map(|m| m.copy()).transpose()?);
+        let (kept, others) = (supports.copy()?, copied(materials)?);
+        let (coils, beds) = (copied(springs)?, copied(foundations)?);
         let (word, volumes) = (
             PyString::new(mesh.py(), plane),
             PyString::new(mesh.py(), dilatation),
         );
         let floats = PyBool::new(mesh.py(), floating).to_owned();
-        let options: [(&'static str, Option<&Bound<'_, PyAny>>); 5] = [
+        let options: [(&'static str, Option<&Bound<'_, PyAny>>); 7] = [
             ("floating", Some(&floats)),
             ("supports", Some(&kept)),
             ("materials", others.as_ref().map(|m| m.as_any())),
             ("plane", Some(&word)),
             ("dilatation", Some(&volumes)),
+            ("springs", coils.as_ref().map(|m| m.as_any())),
+            ("foundations", beds.as_ref().map(|m| m.as_any())),
         ];
         let made = Made::by(mesh.py(), "new", &[mesh, material], &options)?;
         let material = material.get();
@@ -216,6 +229,24 @@ impl Body {
             for (component, value) in components(&given, dim)? {
                 body = body.prescribe(&name, component, value.function(py, dim, &failures));
             }
+        }
+        for (groups, given) in springs.into_iter().flatten() {
+            let spring = spring(&given, dim)?;
+            body = match groups.extract::<(String, String)>() {
+                Ok((first, second)) => body.spring_between(first, second, spring),
+                Err(_) => body.spring(groups.extract::<String>()?, spring),
+            };
+        }
+        for (name, given) in foundations.into_iter().flatten() {
+            let [normal, tangential] = match given.extract::<f64>() {
+                Ok(normal) => [normal, 0.0],
+                Err(_) => given.extract().map_err(|_| {
+                    PyTypeError::new_err(
+                        "the stiffness of a foundation is a number, or a pair: normal, tangential",
+                    )
+                })?,
+            };
+            body = body.elastic_foundation(name.extract::<String>()?, normal, tangential);
         }
         let system = failures.settle(py.detach(|| body.discretize()))?;
         if system.num_locking() > 0 {
@@ -261,6 +292,18 @@ impl Body {
         Ok(Load { case, made })
     }
 
+    /// The load of a force at each node of a group of nodes, a vector of shape (d,) or a function of a point that gives one.
+    fn nodal_force(slf: &Bound<'_, Self>, nodes: &str, value: &Bound<'_, PyAny>) -> PyResult<Load> {
+        let (py, own) = (slf.py(), slf.get());
+        let made = Made::from(slf, "nodal_force", &[&PyString::new(py, nodes), value])?;
+        let failures = Failures::default();
+        let value = Direction::of(value, "the force")?;
+        let value = value.function(py, own.system.mesh().dim(), "the force", &failures)?;
+        let forces = py.detach(|| own.system.nodal_force(nodes, value));
+        let case = failures.settle(forces)?.into();
+        Ok(Load { case, made })
+    }
+
     /// The load of a force per volume (in the plane per area), a vector of shape (d,) or a function of a point that gives one.
     fn body_force(slf: &Bound<'_, Self>, value: &Bound<'_, PyAny>) -> PyResult<Load> {
         let (py, own) = (slf.py(), slf.get());
@@ -301,6 +344,29 @@ impl Body {
             counted(self.system.num_free(), "free displacement")
         )
     }
+}
+
+fn copied<'py>(given: Option<&Bound<'py, PyDict>>) -> PyResult<Option<Bound<'py, PyDict>>> {
+    given.map(|m| m.copy()).transpose()
+}
+
+/// A stiffness for all components, or one each.
+fn spring(given: &Bound<'_, PyAny>, dim: usize) -> PyResult<Spring> {
+    let stiffness = match given.extract::<f64>() {
+        Ok(all) => vec![all; dim],
+        Err(_) => given.extract::<Vec<f64>>().map_err(|_| {
+            PyTypeError::new_err("the stiffness of a spring is a number, or one for each component")
+        })?,
+    };
+    if stiffness.len() != dim {
+        return Err(PyTypeError::new_err(format!(
+            "the stiffness of a spring has {dim} components, there are {}",
+            stiffness.len()
+        )));
+    }
+    let mut axes = [0.0; 3];
+    axes[..dim].copy_from_slice(&stiffness);
+    Spring::axes(axes).map_err(raised)
 }
 
 /// One value for all components, or one each, `None` for those that are free.

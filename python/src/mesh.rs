@@ -36,9 +36,9 @@ type Block<'py> = (&'static str, Bound<'py, PyArray2<i64>>);
 ///     Kind ("triangle", "quad", "tetra", "hexahedron", and of second order "triangle6", "quad8", "quad9", "tetra10", "hexahedron20",
 ///     "hexahedron27", as meshio calls them) and an integer array of shape (k, nodes of a cell), numbered as in meshio and VTK. Cells
 ///     numbered clockwise are reversed.
-/// facets, cell_groups : dict, optional
-///     Names with facets, an integer array of shape (k, nodes of a facet) or a list of lists, and with cells: numbers, or a mask of shape
-///     (number of cells,).
+/// facets, cell_groups, nodes : dict, optional
+///     Names with facets, an integer array of shape (k, nodes of a facet) or a list of lists (corners alone may be given); with cells; and with
+///     nodes: numbers, or a mask of shape (number of cells,) or (number of nodes,).
 ///
 /// See also :meth:`rectangle`, :meth:`block`, :meth:`from_meshio` and :meth:`read_gmsh`. Meshes are immutable: ``with_...`` makes another.
 ///
@@ -66,12 +66,13 @@ impl Mesh {
 #[pymethods]
 impl Mesh {
     #[new]
-    #[pyo3(signature = (points, cells, *, facets=None, cell_groups=None))]
+    #[pyo3(signature = (points, cells, *, facets=None, cell_groups=None, nodes=None))]
     fn new(
         points: &Bound<'_, PyAny>,
         cells: &Bound<'_, PyAny>,
         facets: Option<&Bound<'_, PyDict>>,
         cell_groups: Option<&Bound<'_, PyDict>>,
+        nodes: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let array: PyArrayLike2<'_, f64, AllowTypeChange> = points.extract().map_err(|_| {
             PyTypeError::new_err("points must be an array of shape (number of nodes, 2 or 3)")
@@ -114,6 +115,11 @@ impl Mesh {
             mesh.add_cell_group(name.extract::<String>()?, chosen)
                 .map_err(raised)?;
         }
+        for (name, given) in nodes.into_iter().flatten() {
+            let chosen = numbers(&given, mesh.num_nodes(), "nodes")?;
+            mesh.add_node_group(name.extract::<String>()?, chosen)
+                .map_err(raised)?;
+        }
         Ok(Self { mesh })
     }
 
@@ -143,7 +149,8 @@ impl Mesh {
     ///
     /// Blocks of triangles and quadrilaterals (plane meshes; a third coordinate must be the same everywhere) or tetrahedra and hexahedra are
     /// its cells. Named sets of cells become groups of cells or facets, by the dimension of their blocks, and so do the physical groups of
-    /// Gmsh. A named set of points becomes the group of boundary facets that have all their nodes in it. Nodes in no cell are left out.
+    /// Gmsh. A named set of points becomes the group of these nodes, and of the boundary facets that have all their nodes in it; points of
+    /// Gmsh become groups of nodes. Nodes in no cell are left out.
     ///
     /// Parameters
     /// ----------
@@ -240,6 +247,36 @@ impl Mesh {
             Ok((name.to_owned(), cells.to_vec()))
         };
         self.mesh.cell_group_names().map(group).collect()
+    }
+
+    /// The groups of nodes: names, and the numbers of the nodes of each.
+    #[getter]
+    fn nodes(&self) -> PyResult<Vec<(String, Vec<usize>)>> {
+        let group = |name: &str| {
+            let nodes = self.mesh.node_group(name).map_err(raised)?;
+            Ok((name.to_owned(), nodes.to_vec()))
+        };
+        self.mesh.node_group_names().map(group).collect()
+    }
+
+    /// The mesh with an additional group of nodes, for supports and springs at points and forces there.
+    ///
+    /// Parameters
+    /// ----------
+    /// name : str
+    /// choose : callable
+    ///     ``choose(points)`` receives the positions of all nodes, shape (number of nodes, d), and returns a mask of shape (number of nodes,).
+    ///
+    /// >>> import semismooth as ss
+    /// >>> mesh = ss.Mesh.rectangle([0, 0], [2, 1], [4, 2]).with_nodes("corner", lambda x: (x[:, 0] == 0) & (x[:, 1] == 0))
+    /// >>> mesh.nodes
+    /// [('corner', [0])]
+    fn with_nodes(&self, py: Python<'_>, name: String, choose: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let chosen = choose.call1((truncated(py, self.mesh.dim(), self.mesh.points())?,))?;
+        let mut mesh = self.mesh.clone();
+        mesh.add_node_group(name, numbers(&chosen, self.mesh.num_nodes(), "nodes")?)
+            .map_err(raised)?;
+        Ok(Self { mesh })
     }
 
     /// The mesh with an additional group of boundary facets.

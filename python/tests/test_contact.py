@@ -1,6 +1,7 @@
 """Bodies in contact: against reference numbers, an assembly of our own, energies and the conditions that define a solution."""
 
 import json
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -687,3 +688,35 @@ def test_derivatives_of_contact_refuse_what_they_cannot_use():
         found.vjp(pressures=np.zeros(p + 1))
     with pytest.raises(ss.SemismoothError, match="length"):
         found.jvp([1.0])
+
+
+def test_springs_foundations_and_supports_at_nodes_by_statics():
+    mesh = ss.Mesh.rectangle([0, 0], [2, 1], [4, 1])
+    ends = mesh.with_nodes("left end", lambda x: x[:, 0] == 0).with_nodes("right end", lambda x: x[:, 0] == 2)
+    material = ss.Material(4.0, 0.0)
+    # Stiffness E A / L = 2 in series with two nodes of 1 each.
+    body = ss.Body(ends, material, supports={"bottom": [None, 0.0]}, springs={"left end": [1.0, 0.0]})
+    problem = ss.ContactProblem(body, "top", ss.Foundation.plane([0, 2], [0, -1]), None, load=body.traction("right", [1.0, 0.0]))
+    u = problem.solve().displacements
+    np.testing.assert_allclose(u[:, 0], 1 / 2 + mesh.points[:, 0] / 4, atol=1e-14)
+    # A rigid block on a bed, pulled sideways at two corners.
+    bed = ss.Body(ends, ss.Material(1e7, 0.3), supports={}, foundations={"bottom": [3.0, 0.5]})
+    pull = bed.nodal_force("right end", [0.01, 0.0]) + bed.body_force([0.0, -1.0])
+    block = ss.ContactProblem(bed, "top", ss.Foundation.plane([0, 2], [0, -1]), None, load=pull).solve()
+    assert block.displacements[:, 1].mean() == pytest.approx(-1 / 3, abs=1e-5)
+    corner = ends.with_nodes("corner", lambda x: (x[:, 0] == 0) & (x[:, 1] == 0)).with_nodes(
+        "other", lambda x: (x[:, 0] == 2) & (x[:, 1] == 0)
+    )
+    assert ss.Body(corner, material, supports={"corner": 0.0, "other": [None, 0.0]}).num_free == 17
+    again = pickle.loads(pickle.dumps(body))
+    np.testing.assert_array_equal(again.stiffness[0], body.stiffness[0])
+    for options, words in [
+        ({"springs": {"nowhere": 1.0}}, 'no group "nowhere" of nodes'),
+        ({"springs": {("left end", "corner"): 1.0}}, "2 and 1 nodes"),
+        ({"springs": {"corner": -1.0}}, "must be finite and not negative"),
+        ({"springs": {"corner": [1.0]}}, "2 components"),
+        ({"foundations": {"nowhere": 1.0}}, 'no group "nowhere" of facets'),
+        ({"foundations": {"bottom": [1.0]}}, "a pair"),
+    ]:
+        with pytest.raises((ss.SemismoothError, ValueError, TypeError), match=words):
+            ss.Body(corner, material, supports={"left": 0.0}, **options)

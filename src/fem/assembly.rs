@@ -8,6 +8,7 @@ use super::facet::integrate;
 use super::material::VOIGT;
 use super::nodal::CellsOf;
 use super::rigid::check_supports;
+use super::springs::{Attached, Coupled};
 use super::stiffness::Elements;
 use super::{FemError, Material, Mesh, PlaneModel};
 use crate::interface::LoadCase;
@@ -35,6 +36,8 @@ pub struct ElasticSystem {
     /// Materials, and the index of that of each cell.
     pub(super) materials: Vec<Material>,
     pub(super) material_of: Vec<usize>,
+    /// Springs and elastic foundations.
+    pub(super) attached: Vec<Attached>,
 }
 
 impl Elasticity {
@@ -80,7 +83,7 @@ impl ElasticSystem {
             {
                 return Err(FemError::Component { component, dim });
             }
-            for &node in mesh.facet_group(&support.group)?.iter().flatten() {
+            for node in mesh.supported(&support.group)? {
                 for d in 0..dim {
                     if support.component.is_none_or(|c| c == d) {
                         let at = mesh.points()[node];
@@ -102,8 +105,9 @@ impl ElasticSystem {
         if revolved {
             fix_axis(mesh, &mut fixed, &prescribed)?;
         }
+        let attached = body.attachments(|at| if revolved { TAU * at[0] } else { 1.0 })?;
         if !mesh.is_part() && !body.floats {
-            check_supports(mesh, &fixed, revolved)?;
+            check_supports(mesh, &fixed, &attached, revolved)?;
         }
         let mut free = 0;
         let dofs: Vec<usize> = fixed
@@ -147,6 +151,7 @@ impl ElasticSystem {
             mean_dilatation: all.iter().map(|m| body.has_mean_dilatation(m)).collect(),
             materials: all,
             material_of: materials,
+            attached,
         };
         system.supports = system.case_of(prescribed)?;
         Ok(system)
@@ -163,14 +168,22 @@ impl ElasticSystem {
         Ok(LoadCase::of_supports(prescribed, forces, reactions)?)
     }
 
+    /// Cells, springs and foundations.
+    pub(super) fn coupled(&self) -> Coupled<'_> {
+        Coupled {
+            mesh: &self.mesh,
+            attached: &self.attached,
+        }
+    }
+
     /// Calls `add` with each component of the nodes of all cells with non-zero displacements, and the nodal force that the cell contributes
     /// there.
     fn for_elements(&self, displacements: &[f64], mut add: impl FnMut(usize, f64)) {
         let dim = self.mesh.dim();
         let mut elements = Elements::new(self);
-        for cell in 0..self.mesh.num_cells() {
+        for cell in 0..self.coupled().len() {
             let components = || {
-                let nodes = self.mesh.cell(cell).iter();
+                let nodes = self.coupled().nodes(cell).iter();
                 nodes.flat_map(|n| (0..dim).map(move |d| dim * n + d))
             };
             if components().all(|k| displacements[k] == 0.0) {
@@ -221,7 +234,7 @@ impl ElasticSystem {
         &self.supports
     }
 
-    /// The load case of supports that move: `value(x)` is u_component on a group of facets where that component is prescribed, all other
+    /// The load case of supports that move: `value(x)` is u_component on a group of facets or nodes where that component is prescribed, all other
     /// supports are at rest. With an amplitude in a [`LoadPath`](crate::interface::LoadPath) this is displacement control.
     ///
     /// # Errors
@@ -229,7 +242,7 @@ impl ElasticSystem {
     /// ([`FemError::NotPrescribed`]), values that are not finite.
     pub fn motion(
         &self,
-        facets: &str,
+        group: &str,
         component: usize,
         value: impl Fn([f64; 3]) -> f64,
     ) -> Result<LoadCase, FemError> {
@@ -239,7 +252,7 @@ impl ElasticSystem {
         }
         let mut moved = vec![0.0; self.dofs.len()];
         let axis = (self.is_revolved() && component == 0).then(|| axis(&self.mesh));
-        for &node in self.mesh.facet_group(facets)?.iter().flatten() {
+        for node in self.mesh.supported(group)? {
             let (at, k) = (self.mesh.points()[node], dim * node + component);
             if self.dofs[k] != PRESCRIBED {
                 return Err(FemError::NotPrescribed { node, at, component });
@@ -312,6 +325,28 @@ impl ElasticSystem {
             if let Some(e) = failure {
                 return Err(e);
             }
+        }
+        Ok(load)
+    }
+
+    /// Nodal forces of a force at each node of a group of nodes (of the whole ring in a body of revolution).
+    ///
+    /// # Errors
+    /// Groups that do not exist or are empty, values that are not finite.
+    pub fn nodal_force(
+        &self,
+        nodes: &str,
+        force: impl Fn([f64; 3]) -> [f64; 3],
+    ) -> Result<Vec<f64>, FemError> {
+        let mut load = vec![0.0; self.num_free()];
+        for &node in self.mesh.node_group(nodes)? {
+            let at = self.mesh.points()[node];
+            self.add(
+                &mut load,
+                node,
+                1.0,
+                self.checked("the nodal force", at, force(at))?,
+            );
         }
         Ok(load)
     }
@@ -491,11 +526,16 @@ fn interpolate(nodes: &[[f64; 3]], shape: &[f64]) -> [f64; 3] {
 }
 
 /// The pattern of the free unknowns, `dim` a node: nodes that share a cell.
-pub(super) fn pattern(mesh: &Mesh, dim: usize, dofs: &[usize], free: usize) -> Result<Pattern, FemError> {
+pub(super) fn pattern(
+    all: Coupled<'_>,
+    dim: usize,
+    dofs: &[usize],
+    free: usize,
+) -> Result<Pattern, FemError> {
     let mut col_ptr = Vec::with_capacity(free + 1);
     col_ptr.push(0);
     let mut row_idx = Vec::new();
-    for_neighbours(mesh, |n, neighbours| {
+    for_neighbours(all, |n, neighbours| {
         for e in 0..dim {
             if dofs[dim * n + e] == PRESCRIBED {
                 continue;
@@ -510,13 +550,13 @@ pub(super) fn pattern(mesh: &Mesh, dim: usize, dofs: &[usize], free: usize) -> R
 }
 
 /// Calls `see` with each node and, in increasing order, all nodes that share a cell with it, including itself.
-fn for_neighbours(mesh: &Mesh, mut see: impl FnMut(usize, &[usize])) {
-    let cells = CellsOf::new(mesh);
+fn for_neighbours(all: Coupled<'_>, mut see: impl FnMut(usize, &[usize])) {
+    let cells = CellsOf::new(all);
     let mut neighbours: Vec<usize> = Vec::new();
-    for n in 0..mesh.num_nodes() {
+    for n in 0..all.mesh.num_nodes() {
         neighbours.clear();
         for &cell in cells.of(n) {
-            neighbours.extend_from_slice(mesh.cell(cell as usize));
+            neighbours.extend_from_slice(all.nodes(cell as usize));
         }
         neighbours.sort_unstable();
         neighbours.dedup();

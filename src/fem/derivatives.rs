@@ -214,9 +214,12 @@ impl ElasticSystem {
     /// their symmetry.
     ///
     /// # Errors
-    /// A wrong length, values that are not finite.
+    /// A wrong length, values that are not finite; bodies on elastic foundations.
     pub fn forces_by_position(&self, displacements: &[f64]) -> Result<Matrix, FemError> {
         self.check_displacements(displacements)?;
+        if self.attached.iter().any(|a| a.is_area) {
+            return Err(FemError::FoundationMoves);
+        }
         let (dim, mesh) = (self.mesh.dim(), &self.mesh);
         let mut entries = Vec::new();
         for cell in 0..mesh.num_cells() {

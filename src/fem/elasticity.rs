@@ -1,12 +1,13 @@
 use std::fmt;
 use std::sync::Arc;
 
+use super::springs::Given;
 use super::{Material, Mesh, PlaneModel};
 use crate::words::named;
 
 type Field = Arc<dyn Fn([f64; 3]) -> f64 + Send + Sync>;
 
-/// Prescribed displacements on a group of facets.
+/// Prescribed displacements on a group of facets or nodes.
 #[derive(Clone)]
 pub(super) struct Support {
     pub(super) group: String,
@@ -84,6 +85,7 @@ pub struct Elasticity {
     pub(super) plane: PlaneModel,
     pub(super) dilatation: Dilatation,
     pub(super) supports: Vec<Support>,
+    pub(super) attached: Vec<Given>,
     pub(super) floats: bool,
 }
 
@@ -98,6 +100,7 @@ impl Elasticity {
             plane: PlaneModel::default(),
             dilatation: Dilatation::default(),
             supports: Vec::new(),
+            attached: Vec::new(),
             floats: false,
         }
     }
@@ -149,7 +152,7 @@ impl Elasticity {
         self
     }
 
-    /// u = 0 on a group of facets.
+    /// u = 0 on a group of facets, or at a group of nodes ([`Mesh::add_node_group`]); if groups of both have the name, on both.
     #[must_use]
     pub fn fix(mut self, facets: impl Into<String>) -> Self {
         self.supports.push(Support {
@@ -160,7 +163,7 @@ impl Elasticity {
         self
     }
 
-    /// u_component = 0 on a group of facets (0: x, 1: y, 2: z), as on a plane of symmetry.
+    /// u_component = 0 on a group of facets or at a group of nodes (0: x, 1: y, 2: z), as on a plane of symmetry.
     #[must_use]
     pub fn fix_component(mut self, facets: impl Into<String>, component: usize) -> Self {
         self.supports.push(Support {
@@ -171,7 +174,7 @@ impl Elasticity {
         self
     }
 
-    /// u_component = `value(x)` on a group of facets; where groups overlap, later calls override earlier ones.
+    /// u_component = `value(x)` on a group of facets or at a group of nodes; where groups overlap, later calls override earlier ones.
     #[must_use]
     pub fn prescribe(
         mut self,

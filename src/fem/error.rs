@@ -154,13 +154,39 @@ pub enum FemError {
     /// A group that the mesh does not have.
     #[error("there is no group \"{name}\" of {what}; the mesh has {known}")]
     NoSuchGroup {
-        /// "facets" or "cells".
+        /// "facets", "cells", "nodes", or "facets or nodes".
         what: &'static str,
         /// The name given.
         name: String,
         /// The names of the groups that exist.
         known: String,
     },
+    /// A node that a group would hold twice.
+    #[error("the group \"{group}\" of nodes has node {node} already")]
+    NodeTwice {
+        /// Its name.
+        group: String,
+        /// The node.
+        node: usize,
+    },
+    /// Springs between two groups of nodes that have different numbers of them.
+    #[error(
+        "springs join the nodes of \"{first}\" and \"{second}\" one by one, but these have {} and {} nodes",
+        .nodes[0], .nodes[1]
+    )]
+    Pairs {
+        /// The first group.
+        first: String,
+        /// The second one.
+        second: String,
+        /// Their numbers of nodes.
+        nodes: [usize; 2],
+    },
+    /// Derivatives in the positions of nodes of a body on an elastic foundation, whose area changes with them.
+    #[error(
+        "derivatives in positions leave out what changes of elastic foundations: the body must have none"
+    )]
+    FoundationMoves,
     /// A group without members.
     #[error("the group \"{name}\" of {what} is empty")]
     EmptyGroup {

@@ -9,6 +9,30 @@ pub(super) fn integrate(mesh: &Mesh, nodes: &[usize], f: impl FnMut([f64; 3], &[
     over_facet(mesh.dim(), mesh.points(), nodes, f);
 }
 
+/// The same with the unit normal: `f(point, shape values, weight × measure, normal)`.
+pub(super) fn integrate_with_normals(
+    mesh: &Mesh,
+    nodes: &[usize],
+    mut f: impl FnMut([f64; 3], &[f64], f64, [f64; 3]),
+) {
+    let (dim, reference) = (mesh.dim(), Reference::of_facet(mesh.dim(), nodes.len()));
+    for (x, weight) in reference.quadrature() {
+        let here = Place::of(reference, mesh.points(), nodes, x);
+        let area = here.area(dim);
+        let measure = norm(area);
+        let normal = match dim {
+            2 => [area[1], -area[0], 0.0],
+            _ => area,
+        };
+        f(
+            here.at,
+            &here.shape[..nodes.len()],
+            weight * measure,
+            normal.map(|n| n / measure),
+        );
+    }
+}
+
 fn over_facet(dim: usize, points: &[[f64; 3]], nodes: &[usize], mut f: impl FnMut([f64; 3], &[f64], f64)) {
     let reference = Reference::of_facet(dim, nodes.len());
     for (x, weight) in reference.quadrature() {

@@ -1,6 +1,6 @@
 //! Deserialised meshes, checked as by [`Mesh::new`].
 
-use super::mesh::{CellGroups, FacetGroups};
+use super::mesh::{CellGroups, FacetGroups, NodeGroups};
 use super::{CellKind, FemError, Mesh};
 
 /// The fields of a [`Mesh`].
@@ -13,6 +13,8 @@ pub(super) struct Unchecked {
     nodes: Vec<usize>,
     facet_groups: FacetGroups,
     cell_groups: CellGroups,
+    #[serde(default)]
+    node_groups: NodeGroups,
     is_part: bool,
 }
 
@@ -40,6 +42,9 @@ impl TryFrom<Unchecked> for Mesh {
         }
         for (name, cells) in read.cell_groups {
             mesh.add_cell_group(name, cells)?;
+        }
+        for (name, nodes) in read.node_groups {
+            mesh.add_node_group(name, nodes)?;
         }
         Ok(if read.is_part { mesh.into_part() } else { mesh })
     }

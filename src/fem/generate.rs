@@ -172,7 +172,7 @@ impl Mesh {
         }
         let groups = self.refined_cell_groups(&children);
         mesh.set_groups(facets, groups);
-        Ok(mesh)
+        Ok(mesh.with_node_groups(self.node_groups()))
     }
 
     fn mark_sides(&mut self) {

@@ -9,8 +9,8 @@ use super::{CellKind, FemError, Mesh};
 
 /// Reads a Gmsh mesh file (MSH 2.2 or 4.1, ASCII or binary of either byte order) of elements of first or second order.
 ///
-/// The elements of the highest dimension are the cells, those of one dimension less are the facets of groups; physical groups keep their
-/// names, or are called "physical N" by their number. Elements of lower dimension and other sections are ignored. Cells may be numbered in
+/// The elements of the highest dimension are the cells, those of one dimension less are the facets of groups, points the nodes of groups;
+/// physical groups keep their names, or are called "physical N" by their number. Other elements and sections are ignored. Cells may be numbered in
 /// either orientation. A plane mesh must lie in a plane z = constant.
 ///
 /// # Errors
@@ -180,6 +180,7 @@ impl File {
         }
         let (mut cells, mut facets) = (Vec::new(), BTreeMap::<String, Vec<Vec<usize>>>::new());
         let mut cell_groups = BTreeMap::<String, Vec<usize>>::new();
+        let mut nodes = BTreeMap::<String, Vec<usize>>::new();
         for element in &self.elements {
             let own = shape(element.kind).map_or(0, |s| s.0);
             let name = |group: &i64| {
@@ -205,6 +206,10 @@ impl File {
             } else if own == dim - 1 {
                 for group in &element.groups {
                     facets.entry(name(group)).or_default().push(element.nodes.clone());
+                }
+            } else if own == 0 {
+                for group in &element.groups {
+                    nodes.entry(name(group)).or_default().extend(&element.nodes);
                 }
             }
         }
@@ -238,6 +243,17 @@ impl File {
         }
         let facets = mesh.groups().0.clone();
         mesh.set_groups(facets, cell_groups);
+        for (name, list) in nodes {
+            // Points in no cell are not nodes of the mesh.
+            let mut list: Vec<usize> = list
+                .into_iter()
+                .map(|n| new[n])
+                .filter(|n| *n != usize::MAX)
+                .collect();
+            list.sort_unstable();
+            list.dedup();
+            mesh.add_node_group(name, list)?;
+        }
         Ok(mesh)
     }
 }

@@ -10,8 +10,11 @@ use super::tokens::shorten;
 pub(super) type FacetGroups = BTreeMap<String, Vec<Vec<usize>>>;
 /// Cells by name of their group.
 pub(super) type CellGroups = BTreeMap<String, Vec<usize>>;
+/// Nodes by name of their group.
+pub(super) type NodeGroups = BTreeMap<String, Vec<usize>>;
 
-/// A conforming mesh in the plane or in space, with named groups of cells (materials) and facets (edges or faces of the boundary).
+/// A conforming mesh in the plane or in space, with named groups of cells (materials), of facets (edges or faces of the boundary) and of
+/// nodes.
 ///
 /// ```
 /// use semismooth::fem::Mesh;
@@ -38,6 +41,7 @@ pub struct Mesh {
     nodes: Vec<usize>,
     facet_groups: FacetGroups,
     cell_groups: CellGroups,
+    node_groups: NodeGroups,
     is_part: bool,
 }
 
@@ -167,6 +171,7 @@ impl Mesh {
             nodes,
             facet_groups: BTreeMap::new(),
             cell_groups: BTreeMap::new(),
+            node_groups: BTreeMap::new(),
             is_part: false,
         })
     }
@@ -411,13 +416,21 @@ impl Mesh {
         (&self.facet_groups, &self.cell_groups)
     }
 
+    pub(super) fn node_groups(&self) -> &NodeGroups {
+        &self.node_groups
+    }
+
+    pub(super) fn node_groups_mut(&mut self) -> &mut NodeGroups {
+        &mut self.node_groups
+    }
+
     pub(super) fn set_groups(&mut self, facets: FacetGroups, cells: CellGroups) {
         self.facet_groups = facets;
         self.cell_groups = cells;
     }
 }
 
-fn lookup<'a, T>(
+pub(super) fn lookup<'a, T>(
     what: &'static str,
     name: &str,
     groups: &'a BTreeMap<String, Vec<T>>,
@@ -447,7 +460,12 @@ fn lookup<'a, T>(
     }
 }
 
-fn check_nodes(what: &'static str, index: usize, list: &[usize], nodes: usize) -> Result<(), FemError> {
+pub(super) fn check_nodes(
+    what: &'static str,
+    index: usize,
+    list: &[usize],
+    nodes: usize,
+) -> Result<(), FemError> {
     match list.iter().find(|&&n| n >= nodes) {
         Some(&node) => Err(FemError::NoSuchNode {
             what,

@@ -3,8 +3,9 @@
 use std::ops::Range;
 
 use super::assembly::{PRESCRIBED, pattern};
+use super::springs::Coupled;
 use super::stiffness::{ElementMatrix, Elements};
-use super::{ElasticSystem, FemError, Mesh};
+use super::{ElasticSystem, FemError};
 use crate::parallel;
 use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix, Symmetric};
 
@@ -14,26 +15,26 @@ const LEAST_NODES: usize = 4096;
 /// Nodes within this distance of the end of the body, relative to its length, form the first layer.
 const END: f64 = 1e-9;
 
-/// The cells at each node.
+/// The cells at each node, and what else is attached there.
 pub(super) struct CellsOf {
     first: Vec<usize>,
     cells: Vec<u32>,
 }
 
 impl CellsOf {
-    pub(super) fn new(mesh: &Mesh) -> Self {
-        let nodes = mesh.num_nodes();
+    pub(super) fn new(all: Coupled<'_>) -> Self {
+        let nodes = all.mesh.num_nodes();
         let mut first = vec![0; nodes + 1];
-        for cell in 0..mesh.num_cells() {
-            mesh.cell(cell).iter().for_each(|n| first[n + 1] += 1);
+        for cell in 0..all.len() {
+            all.nodes(cell).iter().for_each(|n| first[n + 1] += 1);
         }
         for n in 0..nodes {
             first[n + 1] += first[n];
         }
         let mut next = first.clone();
         let mut cells = vec![0; first[nodes]];
-        for cell in 0..mesh.num_cells() {
-            for &n in mesh.cell(cell) {
+        for cell in 0..all.len() {
+            for &n in all.nodes(cell) {
                 cells[next[n]] = cell as u32;
                 next[n] += 1;
             }
@@ -64,9 +65,9 @@ impl Order {
     }
 
     /// Layer by layer from one end of the body, in the order of E. Cuthill and J. McKee (1969): neighbouring nodes have close numbers.
-    fn by_layers(mesh: &Mesh, cells: &CellsOf, free: impl Fn(usize) -> bool) -> Self {
-        let all = mesh.num_nodes();
-        let points = mesh.points();
+    fn by_layers(elements: Coupled<'_>, cells: &CellsOf, free: impl Fn(usize) -> bool) -> Self {
+        let all = elements.mesh.num_nodes();
+        let points = elements.mesh.points();
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for n in (0..all).filter(|n| free(*n)) {
             for d in 0..3 {
@@ -77,7 +78,7 @@ impl Order {
         let axis = (0..3).fold(0, |best, d| if length(d) > length(best) { d } else { best });
         let end = low[axis] + END * length(axis);
         let mut seen: Vec<bool> = (0..all).map(|n| !free(n)).collect();
-        let mut spread = vec![false; mesh.num_cells()];
+        let mut spread = vec![false; elements.len()];
         let mut nodes: Vec<u32> = Vec::new();
         for n in (0..all).filter(|n| points[*n][axis] <= end) {
             if !std::mem::replace(&mut seen[n], true) {
@@ -91,7 +92,7 @@ impl Order {
                     if std::mem::replace(&mut spread[cell as usize], true) {
                         continue;
                     }
-                    for &n in mesh.cell(cell as usize) {
+                    for &n in elements.nodes(cell as usize) {
                         if !std::mem::replace(&mut seen[n], true) {
                             nodes.push(n as u32);
                         }
@@ -137,9 +138,9 @@ impl ElasticSystem {
     /// ```
     pub fn nodal_stiffness(&self) -> Result<NodalMatrix, FemError> {
         let dim = self.mesh.dim();
-        let cells = CellsOf::new(&self.mesh);
+        let cells = CellsOf::new(self.coupled());
         let free = |n: usize| (0..dim).any(|d| self.dofs[dim * n + d] != PRESCRIBED);
-        let order = Order::by_layers(&self.mesh, &cells, free);
+        let order = Order::by_layers(self.coupled(), &cells, free);
         let points = order
             .nodes
             .iter()
@@ -224,7 +225,7 @@ impl ElasticSystem {
         for row in rows {
             let (before, row) = (all.len(), row as u32);
             for &cell in cells.of(order.nodes[row as usize] as usize) {
-                for &n in self.mesh.cell(cell as usize) {
+                for &n in self.coupled().nodes(cell as usize) {
                     let k = order.number[n];
                     if k < row && std::mem::replace(&mut seen[k as usize], row) != row {
                         all.push(k);
@@ -240,8 +241,8 @@ impl ElasticSystem {
 
     /// A in compressed columns, one per free displacement.
     pub(super) fn single_entries(&self) -> Matrix {
-        let (dim, cells) = (self.mesh.dim(), CellsOf::new(&self.mesh));
-        let pattern = match pattern(&self.mesh, dim, &self.dofs, self.free) {
+        let (dim, cells) = (self.mesh.dim(), CellsOf::new(self.coupled()));
+        let pattern = match pattern(self.coupled(), dim, &self.dofs, self.free) {
             Ok(pattern) => pattern,
             Err(_) => unreachable!("rows of free displacements increase"),
         };
@@ -312,7 +313,7 @@ impl ElasticSystem {
             own.dedup();
             let (begin, mut elements) = (first(rows.start), Elements::new(self));
             for cell in own {
-                let (nodes, element) = (self.mesh.cell(cell as usize), elements.of(cell as usize));
+                let (nodes, element) = (self.coupled().nodes(cell as usize), elements.of(cell as usize));
                 for (a, &n) in nodes.iter().enumerate() {
                     let place = order.number[n] as usize;
                     if rows.contains(&place) {

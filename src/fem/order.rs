@@ -139,6 +139,7 @@ impl Mesh {
         }
         let facets = mesh.groups().0.clone();
         mesh.set_groups(facets, groups.clone());
+        let mesh = mesh.with_node_groups(self.node_groups());
         Ok(if self.is_part() { mesh.into_part() } else { mesh })
     }
 }

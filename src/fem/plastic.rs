@@ -1,5 +1,6 @@
 use super::assembly::{PRESCRIBED, pattern};
 use super::cell_points::{Point, Points};
+use super::springs::Coupled;
 use super::{ElasticSystem, Elasticity, FemError, PlaneModel, PlasticResponse, PlasticState, VonMises};
 use crate::piecewise::{Semismooth, check_vector};
 use crate::sparse::{Matrix, Pattern};
@@ -71,12 +72,18 @@ impl PlasticBody {
     /// The virgin body, without load, its supports as prescribed.
     ///
     /// # Errors
-    /// As [`Elasticity::assemble`]; materials other than [`VonMises::elastic`]; plane stress and bodies of revolution.
+    /// As [`Elasticity::assemble`]; materials other than [`VonMises::elastic`]; plane stress and bodies of revolution; springs
+    /// and elastic foundations.
     pub fn new(body: &Elasticity, law: VonMises) -> Result<Self, FemError> {
         let system = body.discretize()?;
         if system.materials.iter().any(|m| m != law.elastic()) {
             return Err(FemError::PlasticBody {
                 what: "it has a material other than the elastic one of its plastic law",
+            });
+        }
+        if !system.attached.is_empty() {
+            return Err(FemError::PlasticBody {
+                what: "it has springs or elastic foundations",
             });
         }
         let mesh = system.mesh();
@@ -93,7 +100,7 @@ impl PlasticBody {
             first.push(points.len());
         }
         Ok(Self {
-            pattern: pattern(mesh, mesh.dim(), &system.dofs, system.free)?,
+            pattern: pattern(Coupled::cells(mesh), mesh.dim(), &system.dofs, system.free)?,
             states: vec![PlasticState::default(); points.len()],
             load: vec![0.0; system.free],
             supports: system.supports().displacements().to_vec(),

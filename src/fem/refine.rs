@@ -39,7 +39,7 @@ impl Mesh {
         let groups = self.refined_cell_groups(&children);
         let mut mesh = Self::new(self.dim(), refiner.points, cells)?;
         mesh.set_groups(facets, groups);
-        Ok(mesh)
+        Ok(mesh.with_node_groups(self.node_groups()))
     }
 }
 

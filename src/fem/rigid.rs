@@ -1,11 +1,17 @@
 //! Rigid motions that the supports leave free.
 
+use super::springs::Attached;
 use super::{FemError, Mesh};
 use crate::sparse::{Place, Resistance, pieces};
 
-/// Checks that the supports leave no rigid motion of any connected part of the body free; a body of revolution resists all but that along
+/// Checks that the supports, springs and foundations leave no rigid motion of any connected part of the body free; a body of revolution resists all but that along
 /// its axis.
-pub(super) fn check_supports(mesh: &Mesh, fixed: &[bool], revolved: bool) -> Result<(), FemError> {
+pub(super) fn check_supports(
+    mesh: &Mesh,
+    fixed: &[bool],
+    attached: &[Attached],
+    revolved: bool,
+) -> Result<(), FemError> {
     let dim = mesh.dim();
     let part = pieces(mesh.num_nodes(), |connect| {
         (0..mesh.num_cells()).for_each(|cell| connect(&mut mesh.cell(cell).iter().copied()));
@@ -17,6 +23,10 @@ pub(super) fn check_supports(mesh: &Mesh, fixed: &[bool], revolved: bool) -> Res
         for d in (0..dim).filter(|&d| fixed[dim * node + d]) {
             held[own].add(&motions.map(|m| m[d]));
         }
+    }
+    for &(node, way) in attached.iter().flat_map(|a| &a.held) {
+        let motions = places[part[node]].motions(mesh.points()[node]);
+        held[part[node]].add(&motions.map(|m| (0..dim).map(|d| m[d] * way[d]).sum()));
     }
     for (own, held) in held.iter().enumerate() {
         let free = match revolved {

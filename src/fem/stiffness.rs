@@ -66,7 +66,11 @@ impl<'a> Elements<'a> {
         }
     }
 
+    /// That of a cell or, numbered after these, of what is attached.
     pub(super) fn of(&mut self, cell: usize) -> &ElementMatrix {
+        if let Some(k) = cell.checked_sub(self.system.mesh.num_cells()) {
+            return &self.system.attached[k].matrix;
+        }
         let (mesh, material) = (&self.system.mesh, self.system.material_of[cell]);
         let (kind, mut nodes) = (mesh.kind(cell), mesh.nodes_at(cell));
         let mean = self.system.mean_dilatation[material] && kind.is_box();
@@ -109,13 +113,24 @@ impl<'a> Elements<'a> {
 }
 
 /// Stiffness of one cell, column-major.
-#[derive(Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct ElementMatrix {
     order: usize,
     values: Vec<f64>,
 }
 
 impl ElementMatrix {
+    pub(super) fn zeros(order: usize) -> Self {
+        Self {
+            order,
+            values: vec![0.0; order * order],
+        }
+    }
+
+    pub(super) fn add(&mut self, row: usize, col: usize, value: f64) {
+        self.values[col * self.order + row] += value;
+    }
+
     pub(super) fn get(&self, row: usize, col: usize) -> f64 {
         self.values[col * self.order + row]
     }

@@ -2,6 +2,7 @@ use super::assembly::{PRESCRIBED, pattern};
 use super::element::map_cell;
 use super::facet::{integrate, integrate_parts};
 use super::mesh::by_position;
+use super::springs::Coupled;
 use super::{FemError, Mesh};
 use crate::sparse::Matrix;
 
@@ -35,7 +36,7 @@ impl<'a> TraceSpace<'a> {
         if free == 0 {
             return Err(FemError::NothingFree);
         }
-        let mut gram = Matrix::zeros(pattern(mesh, 1, &dofs, free)?);
+        let mut gram = Matrix::zeros(pattern(Coupled::cells(mesh), 1, &dofs, free)?);
         for cell in 0..mesh.num_cells() {
             let kind = mesh.kind(cell);
             let at = mesh.nodes_at(cell);

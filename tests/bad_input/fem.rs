@@ -2,7 +2,7 @@ use std::path::Path;
 
 use semismooth::fem::{
     CellKind, Elasticity, Foundation, Material, MaterialConstant, Mesh, Mortar, MultiplierSpace, PlaneModel,
-    PlasticBody, TraceSpace, VonMises, parse_getfem, parse_gmsh, read_getfem, read_gmsh,
+    PlasticBody, Spring, TraceSpace, VonMises, parse_getfem, parse_gmsh, read_getfem, read_gmsh,
 };
 use semismooth::interface::LoadCase;
 
@@ -443,7 +443,33 @@ fn bodies(t: &mut Table) {
     t.refuses("fem::Mesh::serendipity", "a folded cell", "folded", || {
         folded()?.serendipity()
     });
+    t.refuses(
+        "fem::Mesh::add_node_group",
+        "a node that does not exist",
+        "node 99",
+        || {
+            let mut mesh = Mesh::rectangle([0.0; 2], [1.0; 2], [1; 2])?;
+            mesh.add_node_group("x", vec![99])
+        },
+    );
+    for stiffness in [-1.0, f64::NAN, f64::INFINITY] {
+        t.refuses("fem::Spring::axes", "a stiffness", "spring", || {
+            Spring::axes([0.0, stiffness, 1.0])
+        });
+        t.refuses("fem::Spring::along", "a stiffness", "spring", || {
+            Spring::along([1.0; 3], stiffness)
+        });
+    }
+    t.refuses("fem::Spring::along", "no direction", "direction", || {
+        Spring::along([0.0; 3], 1.0)
+    });
     for group in ["x", "none"] {
+        t.refuses("fem::Mesh::node_group", group, group, || {
+            system.mesh().node_group(group).map(drop)
+        });
+        t.refuses("fem::ElasticSystem::nodal_force", group, group, || {
+            system.nodal_force(group, |_| [0.0; 3])
+        });
         t.refuses("fem::ElasticSystem::contact", group, group, || {
             system.contact(group, &Foundation::gap(|_| 0.0))
         });

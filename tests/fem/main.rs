@@ -7,6 +7,7 @@ mod plastic;
 #[path = "../common/random.rs"]
 mod random;
 mod second_order;
+mod springs;
 
 use random::Random;
 use semismooth::fem::{

@@ -220,31 +220,31 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "facets = \"bottom\"",
             "facets = \"botom\"",
-            &["line 34", "contact", "botom", "\"bottom\""],
+            &["line 59", "contact", "botom", "\"bottom\""],
         ),
         (
             "facets = \"top\"",
             "facets = \"roof\"",
-            &["line 22", "support", "roof"],
+            &["line 29", "support", "roof"],
         ),
         (
             "levels = [0.0, 0.25",
             "levels = [nan, 0.25",
-            &["line 55", "run.levels", "NaN is not finite"],
+            &["line 80", "run.levels", "NaN is not finite"],
         ),
         (
             "value = [0.0, -0.02]",
             "value = [inf, -0.02]",
-            &["line 22", "support.value", "inf is not finite"],
+            &["line 29", "support.value", "inf is not finite"],
         ),
-        ("young = 1.0\n", "young = -1.0\n", &["line 10", "material", "-1"]),
-        ("young = 1.0\n", "young = \"a\"\n", &["line 11", "young"]),
-        ("young = 1.0\n", "jung = 1.0\n", &["line 11", "jung", "young"]),
-        ("young = 1.0\n", "", &["line 10", "missing", "young"]),
+        ("young = 1.0\n", "young = -1.0\n", &["line 12", "material", "-1"]),
+        ("young = 1.0\n", "young = \"a\"\n", &["line 13", "young"]),
+        ("young = 1.0\n", "jung = 1.0\n", &["line 13", "jung", "young"]),
+        ("young = 1.0\n", "", &["line 12", "missing", "young"]),
         (
             "value = [0.0, -0.02]",
             "value = [0.0]",
-            &["line 22", "support.value", "1 numbers, expected 2"],
+            &["line 29", "support.value", "1 numbers, expected 2"],
         ),
         (
             "# components = [\"x\", \"y\"]",
@@ -260,22 +260,22 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "normal = [0.0, 1.0]",
             "normal = [0.0, 0.0]",
-            &["line 34", "contact"],
+            &["line 59", "contact"],
         ),
         (
             "point = [0.0, 0.0]\n",
             "",
-            &["line 34", "contact", "a point and a normal"],
+            &["line 59", "contact", "a point and a normal"],
         ),
         (
             "friction = 0.4\n",
             "",
-            &["line 34", "one of friction and friction_by_slip"],
+            &["line 59", "one of friction and friction_by_slip"],
         ),
         (
             "friction = 0.4\n",
             "friction = -0.4\n",
-            &["line 34", "contact.friction", "-0.4"],
+            &["line 59", "contact.friction", "-0.4"],
         ),
         (
             "friction = 0.4\n",
@@ -286,7 +286,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "levels = ",
             "# levels = ",
-            &["line 55", "run", "one of levels and follow"],
+            &["line 80", "run", "one of levels and follow"],
         ),
         ("[[support]]", "[[tension]]", &["tension"]),
         (
@@ -304,7 +304,33 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
             "components = [\"y\"]",
             &["support.value"],
         ),
-        ("[run]", "[run", &["line 55"]),
+        ("# order = 1", "order = 3", &["mesh.order", "1 or 2"]),
+        (
+            "# [[point]]\n# name = \"corner\"\n# at = [2.0, 0.0]",
+            "[[point]]\nname = \"corner\"\nat = [2.0, 0.1]",
+            &["point.at", "no node", "[2.0, 0.125]"],
+        ),
+        (
+            "facets = \"top\"",
+            "nodes = \"top\"",
+            &["support", "no group \"top\" of nodes"],
+        ),
+        (
+            "# [[spring]]\n# nodes = \"corner\"\n# to = \"other corner\"\n# stiffness = [1.0, 0.0]",
+            "[[spring]]\nnodes = \"edge\"\nstiffness = [1.0, 0.0]",
+            &["spring", "no group \"edge\" of nodes"],
+        ),
+        (
+            "# [[elastic_foundation]]\n# facets = \"right\"\n# normal = 1.0",
+            "[[elastic_foundation]]\nfacets = \"right\"\nnormal = -1.0",
+            &["elastic_foundation", "-1"],
+        ),
+        (
+            "# [[force]]\n# nodes = \"corner\"",
+            "[[force]]\nnodes = \"edge\"",
+            &["force.value", "no group \"edge\" of nodes"],
+        ),
+        ("[run]", "[run", &["line 80"]),
     ];
     for (from, to, expected) in cases {
         run_file(&folder, &[(from, to)]);
@@ -582,4 +608,53 @@ fn two_bodies_from_one_mesh_press_each_other() {
     let force: f64 = rows.last().unwrap()[column].parse().unwrap();
     let exact = 2.0 * 0.02 / (1.0 - 0.3 * 0.3);
     assert!((force - exact).abs() < 1e-9, "{force} {exact}");
+}
+
+/// A block of second order, of Young's modulus 1, on a smooth table (ν = 0): springs of stiffness 2 at two corners and an elastic foundation
+/// of 3 per length at the right, pulled at a corner, carry what is pulled.
+#[test]
+fn springs_and_foundations_carry_what_is_pulled() {
+    let folder = folder("springs");
+    run_file(
+        &folder,
+        &[
+            ("# order = 1", "order = 2"),
+            (
+                "# [[point]]\n# name = \"corner\"\n# at = [2.0, 0.0]",
+                "[[point]]\nname = \"corner\"\nat = [2.0, 0.0]\n[[point]]\nname = \"other corner\"\nat = [2.0, 1.0]",
+            ),
+            (
+                "# components = [\"x\", \"y\"]       # all\nvalue = [0.0, -0.02]",
+                "components = [\"y\"]\nvalue = [-0.02]",
+            ),
+            ("grows = [0.05, 0.0]", ""),
+            (
+                "# [[spring]]\n# nodes = \"corner\"\n# to = \"other corner\"\n# stiffness = [1.0, 0.0]",
+                "[[spring]]\nnodes = \"corner\"\nstiffness = [2.0, 0.0]\n[[spring]]\nnodes = \"other corner\"\nstiffness = [2.0, 0.0]",
+            ),
+            (
+                "# [[elastic_foundation]]\n# facets = \"right\"\n# normal = 1.0",
+                "[[elastic_foundation]]\nfacets = \"right\"\nnormal = 3.0",
+            ),
+            (
+                "# [[force]]\n# nodes = \"corner\"\n# value = [0.0, 0.0]\n# grows = [0.01, 0.0]",
+                "[[force]]\nnodes = \"other corner\"\ngrows = [0.01, 0.0]",
+            ),
+            ("poisson = 0.3\n# plane", "poisson = 0.0\n# plane"),
+            ("friction = 0.4\n", "friction = 0.0001\n"),
+            (
+                "levels = [0.0, 0.25, 0.5, 0.75, 1.0, 0.5, 0.0, -0.5, -1.0]",
+                "levels = [0.0, 1.0]",
+            ),
+        ],
+    );
+    printed(&folder, &["contact", "run.toml"]);
+    let rows = table(&folder.join("out/history.csv"));
+    let number = |name: &str| {
+        let column = rows[0].iter().position(|n| n == name).unwrap();
+        rows.last().unwrap()[column].parse::<f64>().unwrap()
+    };
+    // The weight of the press, E ε, and friction at its bound, against the pull.
+    assert!((number("normal force") - 0.04).abs() < 1e-4 && number("slip") == 17.0);
+    assert!((number("tangential force 1").abs() - 1e-4 * number("normal force")).abs() < 1e-12);
 }

@@ -8,12 +8,11 @@ from . import _core
 
 #: Dimensions of the cell types of meshio that become cells or facets.
 _DIMENSIONS = {
+    "vertex": 0,
     **dict.fromkeys(["line", "line3"], 1),
     **dict.fromkeys(["triangle", "quad", "triangle6", "quad8", "quad9"], 2),
     **dict.fromkeys(["tetra", "hexahedron", "tetra10", "hexahedron20", "hexahedron27"], 3),
 }
-#: Cell types that are ignored.
-_IGNORED = {"vertex"}
 
 
 def _named_cells(mesh: Any) -> dict[str, list[Any]]:
@@ -42,12 +41,12 @@ def _plane(points: Any) -> Any:
 
 def from_meshio(mesh: Any) -> _core.Mesh:
     kinds = [b.type for b in mesh.cells]
-    unknown = sorted(set(kinds) - set(_DIMENSIONS) - _IGNORED)
+    unknown = sorted(set(kinds) - set(_DIMENSIONS))
     if unknown:
         raise _core.SemismoothError(
             f"cells of kind {', '.join(unknown)} are not known: a mesh has {', '.join(k for k, d in _DIMENSIONS.items() if d > 1)}"
         )
-    dimension = max((_DIMENSIONS[k] for k in kinds if k not in _IGNORED), default=0)
+    dimension = max((_DIMENSIONS[k] for k in kinds), default=0)
     if dimension < 2:
         raise _core.SemismoothError("the mesh has neither triangles nor quadrilaterals, tetrahedra nor hexahedra")
     own = [k for k, kind in enumerate(kinds) if _DIMENSIONS.get(kind) == dimension]
@@ -60,6 +59,7 @@ def from_meshio(mesh: Any) -> _core.Mesh:
     first = np.cumsum([0] + [len(mesh.cells[k].data) for k in own])
     groups: dict[str, Any] = {}
     facets: dict[str, list[list[int]]] = {}
+    named_nodes: dict[str, Any] = {}
     for name, blocks in _named_cells(mesh).items():
         chosen = [blocks[k] + start for k, start in zip(own, first) if len(blocks[k])]
         if chosen:
@@ -68,13 +68,25 @@ def from_meshio(mesh: Any) -> _core.Mesh:
         found = [row for k in sides for row in number[mesh.cells[k].data[blocks[k]]].tolist()]
         if found:
             facets[name] = found
+        ends = [number[mesh.cells[k].data[blocks[k]]] for k, kind in enumerate(kinds) if kind == "vertex" and len(blocks[k])]
+        if ends:
+            named_nodes[name] = _in_cells(np.concatenate(ends))
     cells = [(kinds[k], number[mesh.cells[k].data]) for k in own]
-    made = _core.Mesh(points, cells, facets=facets, cell_groups=groups)
+    for name, chosen in mesh.point_sets.items():
+        if not name.startswith("gmsh:") and name not in named_nodes:
+            named_nodes[name] = _in_cells(number[np.asarray(chosen, dtype=int)])
+    made = _core.Mesh(points, cells, facets=facets, cell_groups=groups, nodes={n: k for n, k in named_nodes.items() if len(k)})
     return _with_point_sets(made, mesh, number)
 
 
+def _in_cells(nodes: Any) -> Any:
+    """Nodes that belong to a cell, each once."""
+    nodes = np.unique(nodes)
+    return nodes[nodes >= 0]
+
+
 def _with_point_sets(made: _core.Mesh, mesh: Any, number: Any) -> _core.Mesh:
-    """Named sets of points become the boundary facets that have all their nodes in the set."""
+    """Named sets of points become the boundary facets that have all their nodes in the set, beside these nodes."""
     known = {name for name, _ in made.facets}
     sets = [(n, number[np.asarray(s, dtype=int)]) for n, s in mesh.point_sets.items() if n not in known and not n.startswith("gmsh:")]
     if not sets:

@@ -14,9 +14,17 @@ pub(super) struct Input {
     #[serde(default)]
     pub inclusion: Vec<Spanned<InclusionInput>>,
     #[serde(default)]
+    pub point: Vec<Spanned<PointInput>>,
+    #[serde(default)]
     pub support: Vec<Spanned<SupportInput>>,
     #[serde(default)]
+    pub spring: Vec<Spanned<SpringInput>>,
+    #[serde(default)]
+    pub elastic_foundation: Vec<Spanned<ElasticFoundationInput>>,
+    #[serde(default)]
     pub traction: Vec<Spanned<TractionInput>>,
+    #[serde(default)]
+    pub force: Vec<Spanned<ForceInput>>,
     pub contact: Spanned<ContactInput>,
     pub run: Spanned<RunInput>,
     #[serde(default)]
@@ -28,6 +36,45 @@ pub(super) struct Input {
 pub(super) struct MeshInput {
     pub file: Option<Spanned<String>>,
     pub block: Option<Spanned<BlockInput>>,
+    pub order: Option<Spanned<u8>>,
+}
+
+/// A name for the node at a position.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PointInput {
+    pub name: String,
+    pub at: Vec<f64>,
+}
+
+/// Springs at the nodes of a group, to the ground or to those of another group.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SpringInput {
+    pub nodes: String,
+    pub to: Option<String>,
+    pub stiffness: Vec<f64>,
+}
+
+/// A stiffness per area below facets.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ElasticFoundationInput {
+    pub facets: String,
+    pub normal: f64,
+    #[serde(default)]
+    pub tangential: f64,
+}
+
+/// A force at each node of a group.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ForceInput {
+    pub nodes: String,
+    #[serde(default)]
+    pub value: Vec<f64>,
+    #[serde(default)]
+    pub grows: Vec<f64>,
 }
 
 /// Files with the matrices and vectors of a body.
@@ -87,7 +134,8 @@ pub(super) enum Component {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SupportInput {
-    pub facets: String,
+    pub facets: Option<String>,
+    pub nodes: Option<String>,
     pub components: Option<Vec<Component>>,
     #[serde(default)]
     pub value: Vec<f64>,

@@ -4,7 +4,7 @@ use std::error::Error;
 
 use semismooth::contact::{CondensedContact, ContactForm, ReducedContact, ReducedOptions};
 use semismooth::fem::{
-    ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, Mortar, PlaneModel, read_gmsh,
+    ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, Mortar, PlaneModel, Spring, read_gmsh,
 };
 use semismooth::interface::{LoadCase, LoadPath};
 use toml::Spanned;
@@ -67,9 +67,53 @@ impl RunFile {
         })
     }
 
+    /// The mesh with names for points.
     fn mesh(&self) -> Result<Mesh, CommandError> {
         let place = self.wanted("mesh", self.input.mesh.as_ref())?;
-        let MeshInput { file, block } = place.get_ref();
+        let mut mesh = self.first_mesh(place)?;
+        if let Some(order) = &place.get_ref().order {
+            mesh = match order.get_ref() {
+                1 => mesh,
+                2 => mesh
+                    .second_order()
+                    .map_err(|e| self.wrong(order, "mesh.order", e))?,
+                _ => return Err(self.wrong(order, "mesh.order", "the order of cells is 1 or 2")),
+            };
+        }
+        for place in &self.input.point {
+            let point = place.get_ref();
+            if point.at.len() != mesh.dim() {
+                let what = format!("{} numbers, expected {}", point.at.len(), mesh.dim());
+                return Err(self.wrong(place, "point.at", what));
+            }
+            let node = self.node_at(place, &mesh, &point.at)?;
+            mesh.add_node_group(point.name.clone(), vec![node])
+                .map_err(|e| self.wrong(place, "point", e))?;
+        }
+        Ok(mesh)
+    }
+
+    /// The node at a position, up to rounding of the size of the body.
+    fn node_at<T>(&self, place: &Spanned<T>, mesh: &Mesh, at: &[f64]) -> Result<usize, CommandError> {
+        let distance = |p: &[f64; 3]| p.iter().zip(at).map(|(p, x)| (p - x).powi(2)).sum::<f64>().sqrt();
+        let size = mesh.points().iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+        let nodes = mesh.points().iter().map(distance).enumerate();
+        match nodes.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((node, d)) if d <= 1e-9 * size => Ok(node),
+            nearest => {
+                let nearest = nearest.map_or_else(String::new, |(node, _)| {
+                    format!(
+                        "; the nearest one lies at {:?}",
+                        &mesh.points()[node][..mesh.dim()]
+                    )
+                });
+                Err(self.wrong(place, "point.at", format!("there is no node{nearest}")))
+            }
+        }
+    }
+
+    fn first_mesh(&self, place: &Spanned<MeshInput>) -> Result<Mesh, CommandError> {
+        let MeshInput { file, block, .. } = place.get_ref();
         match (file, block) {
             (Some(file), None) => {
                 read_gmsh(self.relative(file.get_ref())).map_err(|e| self.wrong(file, "mesh.file", e))
@@ -120,10 +164,12 @@ impl RunFile {
         let mut moving = Vec::new();
         for place in &self.input.support {
             let support = place.get_ref();
-            elasticity
-                .mesh()
-                .facet_group(&support.facets)
-                .map_err(|e| self.wrong(place, "support", e))?;
+            let group = match (&support.facets, &support.nodes) {
+                (Some(facets), None) => elasticity.mesh().facet_group(facets).map(|_| facets),
+                (None, Some(nodes)) => elasticity.mesh().node_group(nodes).map(|_| nodes),
+                _ => return Err(self.wrong(place, "support", "one of facets and nodes is wanted")),
+            };
+            let group = group.map_err(|e| self.wrong(place, "support", e))?;
             let all = [Component::X, Component::Y, Component::Z];
             let components = support.components.as_deref().unwrap_or(&all[..dim]);
             if dim == 2 && components.contains(&Component::Z) {
@@ -133,19 +179,20 @@ impl RunFile {
             let grows = self.vector(place, "support.grows", &support.grows, components.len())?;
             for (k, component) in components.iter().enumerate() {
                 let (v, at) = (value[k], *component as usize);
-                elasticity = elasticity.prescribe(support.facets.clone(), at, move |_| v);
+                elasticity = elasticity.prescribe(group.clone(), at, move |_| v);
                 if grows[k] != 0.0 {
-                    moving.push((place, at, grows[k]));
+                    moving.push((place, group, at, grows[k]));
                 }
             }
         }
+        elasticity = self.springs(elasticity)?;
         let system = elasticity
             .discretize()
             .map_err(|e| CommandError::failed("the body on its supports", e))?;
         let mut motion: Option<LoadCase> = None;
-        for (place, component, rate) in moving {
+        for (place, group, component, rate) in moving {
             let case = system
-                .motion(&place.get_ref().facets, component, |_| rate)
+                .motion(group, component, |_| rate)
                 .map_err(|e| self.wrong(place, "support.grows", e))?;
             motion = Some(match motion {
                 None => case,
@@ -153,6 +200,38 @@ impl RunFile {
             });
         }
         Ok((system, motion))
+    }
+
+    /// With springs and elastic foundations.
+    fn springs(&self, mut body: Elasticity) -> Result<Elasticity, CommandError> {
+        let dim = body.mesh().dim();
+        for place in &self.input.spring {
+            let given = place.get_ref();
+            for group in [Some(&given.nodes), given.to.as_ref()].into_iter().flatten() {
+                let found = body.mesh().node_group(group);
+                found.map_err(|e| self.wrong(place, "spring", e))?;
+            }
+            let stiffness = self.vector(place, "spring.stiffness", &given.stiffness, dim)?;
+            let spring = Spring::axes(stiffness).map_err(|e| self.wrong(place, "spring.stiffness", e))?;
+            body = match &given.to {
+                Some(other) => body.spring_between(given.nodes.clone(), other.clone(), spring),
+                None => body.spring(given.nodes.clone(), spring),
+            };
+        }
+        for place in &self.input.elastic_foundation {
+            let given = place.get_ref();
+            let found = body.mesh().facet_group(&given.facets);
+            found.map_err(|e| self.wrong(place, "elastic_foundation", e))?;
+            if let Some(k) = [given.normal, given.tangential]
+                .iter()
+                .find(|k| !(**k >= 0.0 && k.is_finite()))
+            {
+                let what = format!("the stiffness is {k}; it must be finite and not negative");
+                return Err(self.wrong(place, "elastic_foundation", what));
+            }
+            body = body.elastic_foundation(given.facets.clone(), given.normal, given.tangential);
+        }
+        Ok(body)
     }
 
     /// The loads: f₀ + α f₁.
@@ -170,6 +249,18 @@ impl RunFile {
                 let forces = system
                     .traction(&traction.facets, |_| t)
                     .map_err(|e| self.wrong(place, key, e))?;
+                *case = case.clone().plus(forces).map_err(|e| self.wrong(place, key, e))?;
+            }
+        }
+        for place in &self.input.force {
+            let force = place.get_ref();
+            for (key, given, case) in [
+                ("force.value", &force.value, &mut constant),
+                ("force.grows", &force.grows, &mut slope),
+            ] {
+                let f = self.vector(place, key, given, dim)?;
+                let forces = system.nodal_force(&force.nodes, |_| f);
+                let forces = forces.map_err(|e| self.wrong(place, key, e))?;
                 *case = case.clone().plus(forces).map_err(|e| self.wrong(place, key, e))?;
             }
         }
