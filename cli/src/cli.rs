@@ -257,8 +257,8 @@ fn help(out: &mut dyn Write) -> Result<(), CliError> {
         "\n  semismooth init COMMAND         writes a commented FILE.toml to begin with\n  \
          semismooth help COMMAND         its arguments\n  \
          semismooth help                 all commands:\n  {}\n\n\
-         As a solver for AMPL and Pyomo, of mixed complementarity problems, square systems and\n\
-         first-order conditions of nonlinear programs:\n\n\
+         As a solver for AMPL and Pyomo, of mixed complementarity problems, square systems,\n\
+         first-order conditions of nonlinear programs, and programs with equilibrium constraints:\n\n\
          semismooth FILE[.nl] [-AMPL] [option=value …]\n\n  \
          -AMPL      write FILE.sol, as AMPL and Pyomo ask for\n  \
          -s         the same\n  \

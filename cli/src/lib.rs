@@ -2,7 +2,7 @@
 //! `semismooth`.
 //!
 //! [`nl`] reads a file into a [`model`] over the expressions of a [`graph`]; [`solve`] turns the model into a mixed complementarity problem
-//! ([`square`], or [`program`] if it has an objective), solves it and classifies the result ([`second_order`]: whether a KKT point is a
+//! ([`square`], or [`program`] if it has an objective; [`mpec`] minimises over the variables that complementarities leave), solves it and classifies the result ([`second_order`]: whether a KKT point is a
 //! minimum); [`solution`] writes the .sol file, [`options`] are those of the command line, [`cli`] is the program.
 
 pub mod cli;
@@ -10,6 +10,7 @@ pub mod commands;
 pub mod graph;
 pub mod matching;
 pub mod model;
+pub mod mpec;
 pub mod names;
 pub mod nl;
 pub mod options;

@@ -11,6 +11,7 @@ use semismooth::sparse::Matrix;
 use thiserror::Error;
 
 use crate::model::{Model, Objective, RowKind};
+use crate::mpec::{MpecError, is_mpec, mpec};
 use crate::options::Options;
 use crate::program::{Nlp, NlpError};
 use crate::second_order::{SecondOrder, second_order};
@@ -43,6 +44,9 @@ pub enum SolveError {
     /// Second derivatives of the program are not available.
     #[error(transparent)]
     Program(#[from] NlpError),
+    /// A mathematical program with equilibrium constraints that is not supported.
+    #[error(transparent)]
+    Mpec(#[from] MpecError),
     /// The library refused the problem.
     #[error(transparent)]
     Library(#[from] ComplementarityError),
@@ -51,7 +55,8 @@ pub enum SolveError {
 /// Is called after each iteration, and may stop the run.
 pub type Observer<'a> = dyn FnMut(&McpIteration) -> ControlFlow<()> + 'a;
 
-/// Solves a model: as a mixed complementarity problem if it has complementarities, or as many equations as variables and no objective;
+/// Solves a model: as a mathematical program with equilibrium constraints if it has complementarities, an objective and more variables than
+/// conditions, as a mixed complementarity problem if it has complementarities otherwise, or as many equations as variables and no objective;
 /// else by its first-order conditions.
 ///
 /// # Errors
@@ -77,6 +82,9 @@ pub fn solve(model: &Model, options: &Options, observe: &mut Observer<'_>) -> Re
     };
     let is_complementarity = |kind: RowKind| matches!(kind, RowKind::Complements { .. });
     let mut solution = match objective.filter(|o| !is_constant(model, o)) {
+        Some(objective) if model.rows.iter().any(|r| is_complementarity(r.kind)) && is_mpec(model) => {
+            mpec(model, objective, options)?
+        }
         _ if model.rows.iter().any(|r| is_complementarity(r.kind)) => {
             let ignored = objective.is_some_and(|o| !is_constant(model, o));
             square(model, options, ignored, observe)?

@@ -279,3 +279,50 @@ fn a_row_with_jumps_is_not_solved_by_its_slopes() {
     assert!(sol.ends_with("objno 0 100\n"), "{sol}");
     assert!(sol.contains("row 0 (from 0), which has kinks or jumps"), "{sol}");
 }
+
+/// stackelberg1 of MacMPEC: min ½ x² + ½ x y − 95 x with 0 ≤ y ⟂ 2 y + ½ x − 100 ≥ 0 and 0 ≤ x ≤ 200 has x = 280/3, y = 80/3. With another row on
+/// both variables it is refused.
+#[test]
+fn programs_with_equilibrium_constraints() {
+    let folder = folder("mpec");
+    let objective = "O0 0\no0\no2\nn0.5\no5\nv0\nn2\no2\nn0.5\no2\nv0\nv1\n";
+    let bounds = "b\n0 0 200\n2 0\nk1\n";
+    let rest = "J0 2\n0 0.5\n1 2\nG0 2\n0 -95\n1 0\nx2\n0 50\n1 1\n";
+    let plain =
+        header([2, 1, 1, 0, 2, 2, 0]) + "C0\nn-100\n" + objective + "r\n5 1 2\n" + bounds + "1\n" + rest;
+    std::fs::write(folder.join("a.nl"), plain).unwrap();
+    let path = folder.join("a.nl").display().to_string();
+    let output = semismooth(&[&path, "-AMPL"], "");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let sol = std::fs::read_to_string(folder.join("a.sol")).unwrap();
+    assert!(
+        sol.contains("Stationary in the sense of Clarke") && sol.contains("has not been decided"),
+        "{sol}"
+    );
+    let lines: Vec<&str> = sol.lines().collect();
+    assert_eq!(lines.last(), Some(&"objno 0 0"));
+    let values: Vec<f64> = lines[lines.len() - 3..lines.len() - 1]
+        .iter()
+        .map(|v| v.parse().unwrap())
+        .collect();
+    assert!(
+        (values[0] - 280.0 / 3.0).abs() < 1e-4 && (values[1] - 80.0 / 3.0).abs() < 1e-4,
+        "{sol}"
+    );
+    // x + y ≤ 100.
+    let coupled = header([2, 2, 1, 0, 4, 2, 0])
+        + "C0\nn-100\nC1\nn0\n"
+        + objective
+        + "r\n5 1 2\n1 100\n"
+        + bounds
+        + "2\n"
+        + "J1 2\n0 1\n1 1\n"
+        + rest;
+    std::fs::write(folder.join("b.nl"), coupled).unwrap();
+    let output = semismooth(&[&folder.join("b.nl").display().to_string(), "-AMPL"], "");
+    let error = text(&output.stderr);
+    assert!(
+        !output.status.success() && error.contains("MPEC") && error.contains("row 1"),
+        "{error}"
+    );
+}
