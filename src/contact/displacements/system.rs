@@ -371,20 +371,31 @@ impl Rows<'_> {
         (tolerance, limit): (f64, usize),
     ) -> Result<KrylovOutcome, LinearError> {
         let hierarchy = RefCell::new(hierarchy);
-        let mut moved = vec![0.0; d.len()];
+        // As in `solve`: the image of what the last cycle gave is known.
+        let known = Cell::new(false);
         let outcome = gmres.solve(
             |x, y| {
-                moved.copy_from_slice(x);
-                for &(i, j, c) in self.combined {
-                    moved[j] += c * x[i];
+                match known.replace(false) {
+                    true => hierarchy.borrow().add_image(a, x, y),
+                    false => hierarchy.borrow().add_product(a, x, y),
                 }
-                hierarchy.borrow().add_product(a, &moved, y);
+                for &(i, j, c) in self.combined {
+                    let (node, d, moved) = (j / F, j % F, c * x[i]);
+                    a.each(node, |other, block| {
+                        let own = y[F * other..F * (other + 1)].iter_mut();
+                        own.zip(&block[d]).for_each(|(y, v)| *y += v * moved);
+                    });
+                }
                 for &(i, j, v) in self.beside {
                     y[j] += v * x[i];
                 }
                 self.constrained.iter().for_each(|&k| y[k] = 0.0);
             },
-            |z| hierarchy.borrow_mut().apply(a, z),
+            |z| {
+                let done = hierarchy.borrow_mut().apply(a, z);
+                known.set(true);
+                done
+            },
             d,
             tolerance,
             limit,
