@@ -22,6 +22,8 @@ const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
 /// Largest relative residual of the linear systems; results are refused above ten times of it.
 const TOLERANCE: f64 = 1e-11;
 const LARGEST: f64 = 10.0 * TOLERANCE;
+/// How far one more Newton step may move a solution, relative to the largest displacement, as in the other forms.
+const NEAR: f64 = 1e-5;
 
 /// A solution of the form in displacements as a function of [parameters](ContactParameters): made by [`ReducedContact::sensitivity`]. It
 /// borrows the problem, whose multigrid it uses: a product with the derivative is one linear solve, a gradient one with the transposed
@@ -109,7 +111,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// solution is, and with that how near to a kink.
     ///
     /// # Errors
-    /// Parameters of a problem of another size, or none; wrong lengths, values that are not finite; a law with another number of history
+    /// Parameters of a problem of another size, or none; wrong lengths, values that are not finite; displacements that are no solution; a law with another number of history
     /// variables than that of the problem; laws that cannot be eliminated; linear solves that do not converge.
     pub fn sensitivity(
         &mut self,
@@ -187,7 +189,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             rest[at..at + dim].fill(0.0);
         }
         rest.iter_mut().for_each(|r| *r = -*r);
-        made.find_margin(law, &values, &sizes, &rest)?;
+        made.find_margin(law, &values, &sizes, (&u, &rest))?;
         Ok(made)
     }
 }
@@ -450,12 +452,31 @@ impl ReducedSensitivity<'_> {
         law: &dyn NodeLaw,
         values: &[LocalValues],
         sizes: &[f64],
-        residual: &[f64],
-    ) -> Result<(), LinearError> {
+        (at_solution, residual): (&[f64], &[f64]),
+    ) -> Result<(), SensitivityError> {
         let h: Vec<[f64; 3]> = (values.iter().zip(&self.nodes))
             .map(|(v, local)| law.residual(local.node.piece, v))
             .collect();
         let (u, rest) = self.forward(residual, &h)?;
+        let distance = max_abs(&u);
+        let lengths = values
+            .iter()
+            .map(|v| v.penetration.abs().max(v.slip[0].abs()).max(v.slip[1].abs()));
+        let longest = lengths.fold(max_abs(at_solution), f64::max);
+        let is_near = distance <= NEAR * longest;
+        if !is_near {
+            let variable = (0..u.len()).find(|&k| u[k].abs() == distance).unwrap_or(0);
+            let residual = h
+                .as_flattened()
+                .iter()
+                .chain(residual)
+                .fold(0.0_f64, |m, r| m.max(r.abs()));
+            return Err(SensitivityError::NoSolution {
+                variable,
+                distance,
+                residual,
+            });
+        }
         let largest = sizes.iter().fold(0.0_f64, |m, s| m.max(*s));
         for (i, (v, &at)) in values.iter().zip(self.components).enumerate() {
             let mut moved = LocalRow {

@@ -241,6 +241,11 @@ fn reduced(t: &mut Table) {
             found.vjp(&[0.0; 2], &[0.0, bad])
         });
     }
+    t.refuses(new, "no solution", "no solution", || {
+        problem()
+            .sensitivity(0.0, &[u[0] + 0.5, u[1]], &chosen())
+            .map(drop)
+    });
     // Lifted off by exactly the gap.
     t.holds(
         "contact::ReducedSensitivity::jvp",
