@@ -16,7 +16,8 @@ use crate::arrays::{counted, dense, matrix, rows, start, vector};
 use crate::body::Load;
 use crate::contact::{ContactProblem, Form, Route, begun};
 use crate::errors::{SemismoothError, lock, raised};
-use crate::solution::ContactSolution;
+use crate::laws::Law;
+use crate::solution::{ContactSolution, EvolutionStep};
 
 /// Of the forms that keep factors.
 enum Found {
@@ -42,8 +43,7 @@ macro_rules! of_found {
 pub(crate) struct ContactSensitivity {
     #[pyo3(get)]
     solution: Py<ContactSolution>,
-    parameters: ContactParameters,
-    names: Vec<(&'static str, usize)>,
+    parameters: Parameters,
     found: Mutex<Option<Found>>,
 }
 
@@ -96,29 +96,40 @@ fn beside(n: usize, vectors: &[Vec<f64>]) -> PyResult<Matrix> {
     Matrix::from_triplets(n, vectors.len(), &entries).map_err(raised)
 }
 
+/// The parameters at a solution, and which of them belong to what.
+struct Parameters {
+    list: ContactParameters,
+    names: Vec<(&'static str, usize)>,
+}
+
 impl ContactSensitivity {
     pub(crate) fn new(solution: &Bound<'_, ContactSolution>, chosen: &Chosen<'_, '_>) -> PyResult<Self> {
-        let own = solution.get();
+        Ok(Self {
+            solution: solution.clone().unbind(),
+            parameters: Parameters::new(solution.get(), chosen)?,
+            found: Mutex::new(None),
+        })
+    }
+}
+
+impl Parameters {
+    fn new(own: &ContactSolution, chosen: &Chosen<'_, '_>) -> PyResult<Self> {
         let problem = own.problem.get();
         let (n, p) = (problem.num_displacements(), problem.num_contacts());
-        let mut parameters = match &problem.route {
+        let list = match &problem.route {
             Route::Mapped(form) => match form.as_ref() {
                 Form::Condensed(problem) => problem.parameters(),
                 Form::Full(problem) => problem.parameters(),
             },
             Route::Reduced(reduced) => begun(reduced)?.parameters(),
         };
-        let mut names = Vec::new();
-        if chosen.parameter {
-            names.push(("parameter", 1));
-            parameters = parameters.with_alpha();
-        }
         let mut made = Self {
-            solution: solution.clone().unbind(),
-            parameters,
-            names,
-            found: Mutex::new(None),
+            list,
+            names: Vec::new(),
         };
+        if chosen.parameter {
+            made.add("parameter", |own| Ok(own.with_alpha()))?;
+        }
         if let Some(loads) = loads(chosen.loads, n)? {
             made.add("loads", |own| own.with_loads(&loads))?;
         }
@@ -135,7 +146,7 @@ impl ContactSensitivity {
         }
         made.with_materials(own, problem, chosen)?;
         made.with_positions(own, problem, chosen)?;
-        if made.parameters.is_empty() {
+        if made.list.is_empty() {
             return Err(PyValueError::new_err(
                 "name the data that the solution is a function of: parameter, loads, gaps, friction, young, poisson, positions",
             ));
@@ -148,9 +159,9 @@ impl ContactSensitivity {
         name: &'static str,
         with: impl FnOnce(ContactParameters) -> Result<ContactParameters, ContactError>,
     ) -> PyResult<()> {
-        let made = with(self.parameters.clone()).map_err(raised)?;
-        self.names.push((name, made.len() - self.parameters.len()));
-        self.parameters = made;
+        let made = with(self.list.clone()).map_err(raised)?;
+        self.names.push((name, made.len() - self.list.len()));
+        self.list = made;
         Ok(())
     }
 
@@ -246,6 +257,69 @@ impl ContactSensitivity {
         self.add("positions", |own| own.with_body(&forces, Some(&traces)))
     }
 
+    /// Which entries belong to what.
+    fn slices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (slices, mut first) = (PyDict::new(py), 0);
+        for (name, count) in &self.names {
+            let slice = PySlice::new(py, first as isize, (first + count) as isize, 1);
+            slices.set_item(name, slice)?;
+            first += count;
+        }
+        Ok(slices)
+    }
+
+    fn described(&self, what: &str) -> String {
+        let names: Vec<&str> = self.names.iter().map(|n| n.0).collect();
+        let count = counted(self.list.len(), "parameter");
+        format!("<{what} to {count}: {}>", names.join(", "))
+    }
+}
+
+/// Changes in the shapes of a solution's displacements, pressures and tractions.
+fn triple<'py>(py: Python<'py>, own: &ContactSolution, change: &ContactChange) -> PyResult<Triple<'py>> {
+    let (p, dim) = (own.problem.get().num_contacts(), own.problem.get().dim());
+    let traction = |i: usize| (1..dim).map(|d| change.forces[d * p + i]).collect::<Vec<_>>();
+    let tractions: Vec<Vec<f64>> = (0..p).map(traction).collect();
+    Ok((
+        own.in_shape(py, &change.displacements)?,
+        PyArray1::from_slice(py, &change.forces[..p]),
+        rows(py, dim - 1, tractions.iter().map(Vec::as_slice))?,
+    ))
+}
+
+/// Gradients in the free displacements and in the forces from those in the shapes of a solution, zeros where they are left out.
+fn gradients(
+    own: &ContactSolution,
+    displacements: Option<&Bound<'_, PyAny>>,
+    pressures: Option<&Bound<'_, PyAny>>,
+    tractions: Option<&Bound<'_, PyAny>>,
+) -> PyResult<(Vec<f64>, Vec<f64>)> {
+    let (p, dim) = (own.problem.get().num_contacts(), own.problem.get().dim());
+    let of_u = own.free_of(displacements)?;
+    let mut forces = match pressures {
+        Some(given) => vector(given, "pressures")?,
+        None => vec![0.0; p],
+    };
+    let wrong =
+        |what: &str, shape: String| PyValueError::new_err(format!("{what} must have the shape {shape}"));
+    if forces.len() != p {
+        return Err(wrong("pressures", format!("({p},)")));
+    }
+    match tractions {
+        None => forces.resize(dim * p, 0.0),
+        Some(given) => {
+            let given = matrix(given, "tractions")?;
+            if (given.nrows(), given.ncols()) != (p, dim - 1) {
+                return Err(wrong("tractions", format!("({p}, {})", dim - 1)));
+            }
+            let all = (0..dim - 1).flat_map(|d| (0..p).map(move |i| (i, d)));
+            forces.extend(all.map(|(i, d)| given.get(i, d)));
+        }
+    }
+    Ok((of_u, forces))
+}
+
+impl ContactSensitivity {
     /// Runs `work` on kept factors without the interpreter's lock, or `reduced` on a problem in reduced form.
     fn with<T: Send>(
         &self,
@@ -261,8 +335,10 @@ impl ContactSensitivity {
                 let found = match kept.take() {
                     Some(found) => found,
                     None => match form.as_ref() {
-                        Form::Condensed(p) => p.sensitivity(&own.x, &self.parameters).map(Found::Condensed),
-                        Form::Full(p) => p.sensitivity(&own.x, &self.parameters).map(Found::Full),
+                        Form::Condensed(p) => {
+                            p.sensitivity(&own.x, &self.parameters.list).map(Found::Condensed)
+                        }
+                        Form::Full(p) => p.sensitivity(&own.x, &self.parameters.list).map(Found::Full),
                     }
                     .map_err(raised)?,
                 };
@@ -272,7 +348,7 @@ impl ContactSensitivity {
                 let u = &own.x[..problem.num_displacements()];
                 let alpha = own.x[own.x.len() - 1];
                 let mut of = begun(of)?;
-                let mut found = of.sensitivity(alpha, u, &self.parameters).map_err(raised)?;
+                let mut found = of.sensitivity(alpha, u, &self.parameters.list).map_err(raised)?;
                 reduced(&mut found).map_err(raised)
             }
         })
@@ -337,18 +413,12 @@ impl ContactSensitivity {
     /// Which entries of dp belong to what: a dict of slices.
     #[getter]
     fn slices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let (slices, mut first) = (PyDict::new(py), 0);
-        for (name, count) in &self.names {
-            let slice = PySlice::new(py, first as isize, (first + count) as isize, 1);
-            slices.set_item(name, slice)?;
-            first += count;
-        }
-        Ok(slices)
+        self.parameters.slices(py)
     }
 
     /// Number of parameters.
     fn __len__(&self) -> usize {
-        self.parameters.len()
+        self.parameters.list.len()
     }
 
     /// Whether the solution is a differentiable function of the parameters here: True, False (two one-sided derivatives were found that
@@ -372,16 +442,7 @@ impl ContactSensitivity {
     ///     In the shapes of the solution's; displacements are 0 at supports, whose motion is given.
     fn jvp<'py>(&self, dp: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
         let (py, dp) = (dp.py(), start(dp, "dp")?);
-        let change = self.change(py, &dp)?;
-        let own = self.solution.get();
-        let (p, dim) = (own.problem.get().num_contacts(), own.problem.get().dim());
-        let traction = |i: usize| (1..dim).map(|d| change.forces[d * p + i]).collect::<Vec<_>>();
-        let tractions: Vec<Vec<f64>> = (0..p).map(traction).collect();
-        Ok((
-            own.in_shape(py, &change.displacements)?,
-            PyArray1::from_slice(py, &change.forces[..p]),
-            rows(py, dim - 1, tractions.iter().map(Vec::as_slice))?,
-        ))
+        triple(py, self.solution.get(), &self.change(py, &dp)?)
     }
 
     /// The gradient in the parameters, shape (k,), of a function of the solution whose gradients are given, in the shapes of the solution's
@@ -395,29 +456,7 @@ impl ContactSensitivity {
         pressures: Option<&Bound<'py, PyAny>>,
         tractions: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let own = self.solution.get();
-        let (p, dim) = (own.problem.get().num_contacts(), own.problem.get().dim());
-        let of_u = own.free_of(displacements)?;
-        let mut forces = match pressures {
-            Some(given) => vector(given, "pressures")?,
-            None => vec![0.0; p],
-        };
-        let wrong =
-            |what: &str, shape: String| PyValueError::new_err(format!("{what} must have the shape {shape}"));
-        if forces.len() != p {
-            return Err(wrong("pressures", format!("({p},)")));
-        }
-        match tractions {
-            None => forces.resize(dim * p, 0.0),
-            Some(given) => {
-                let given = matrix(given, "tractions")?;
-                if (given.nrows(), given.ncols()) != (p, dim - 1) {
-                    return Err(wrong("tractions", format!("({p}, {})", dim - 1)));
-                }
-                let all = (0..dim - 1).flat_map(|d| (0..p).map(move |i| (i, d)));
-                forces.extend(all.map(|(i, d)| given.get(i, d)));
-            }
-        }
+        let (of_u, forces) = gradients(self.solution.get(), displacements, pressures, tractions)?;
         let gradient = self.with(
             py,
             |found| of_found!(found, own => own.vjp(&of_u, &forces)),
@@ -473,13 +512,166 @@ impl ContactSensitivity {
     }
 
     fn __repr__(&self) -> String {
-        let names: Vec<&str> = self.names.iter().map(|n| n.0).collect();
-        format!(
-            "<ContactSensitivity to {}: {}>",
-            counted(self.parameters.len(), "parameter"),
-            names.join(", ")
-        )
+        self.parameters.described("ContactSensitivity")
     }
+}
+
+/// The last state of a history of loading as a function of data of its problem, made by :func:`history_sensitivity`. Parameters are as
+/// those of :class:`ContactSensitivity`, the same at all levels.
+///
+/// Gradients go backwards through the levels, with the factors of one level at a time.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct HistorySensitivity {
+    solutions: Vec<Py<ContactSolution>>,
+    parameters: Vec<Parameters>,
+}
+
+enum History {
+    Full(contact::HistorySensitivity<FullView, Law>),
+    Condensed(contact::HistorySensitivity<CondensedView, Law>),
+}
+
+macro_rules! of_history {
+    ($history:expr, $own:ident => $value:expr) => {
+        match $history {
+            History::Full($own) => $value,
+            History::Condensed($own) => $value,
+        }
+    };
+}
+
+impl HistorySensitivity {
+    fn last(&self) -> &ContactSolution {
+        self.solutions[self.solutions.len() - 1].get()
+    }
+
+    fn with<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&History) -> Result<T, ContactError> + Send,
+    ) -> PyResult<T> {
+        let form = self.last().problem.get().form()?;
+        py.detach(|| {
+            let states: Vec<Vec<f64>> = self.solutions.iter().map(|s| s.get().x.clone()).collect();
+            let parameters: Vec<ContactParameters> = self.parameters.iter().map(|p| p.list.clone()).collect();
+            let history = match form {
+                Form::Full(p) => p.history_sensitivity(&states, &parameters).map(History::Full),
+                Form::Condensed(p) => p
+                    .history_sensitivity(&states, &parameters)
+                    .map(History::Condensed),
+            };
+            history.and_then(|history| work(&history)).map_err(raised)
+        })
+    }
+}
+
+#[pymethods]
+impl HistorySensitivity {
+    /// Which entries of dp belong to what: a dict of slices.
+    #[getter]
+    fn slices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.parameters[0].slices(py)
+    }
+
+    /// Number of parameters.
+    fn __len__(&self) -> usize {
+        self.parameters[0].list.len()
+    }
+
+    /// True where the states of all levels are differentiable, so that the last is; None where that is not known of a level.
+    #[getter]
+    fn differentiable(&self, py: Python<'_>) -> PyResult<Option<bool>> {
+        self.with(py, |history| of_history!(history, own => own.differentiable()))
+    }
+
+    /// The directional derivative of the last state along a change dp of the parameters, shape (k,) or a number: changes of displacements,
+    /// pressures and tractions, as of :meth:`ContactSensitivity.jvp`. At kinks it is the one-sided one.
+    fn jvp<'py>(&self, dp: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
+        let (py, dp) = (dp.py(), start(dp, "dp")?);
+        let changes = self.with(py, |history| of_history!(history, own => own.jvp(&dp)))?;
+        triple(py, self.last(), &changes[changes.len() - 1])
+    }
+
+    /// The gradient in the parameters, shape (k,), of a function of the last state, as of :meth:`ContactSensitivity.vjp`.
+    ///
+    /// SemismoothError where a level is not known to be differentiable.
+    #[pyo3(signature = (displacements=None, pressures=None, tractions=None))]
+    fn vjp<'py>(
+        &self,
+        py: Python<'py>,
+        displacements: Option<&Bound<'py, PyAny>>,
+        pressures: Option<&Bound<'py, PyAny>>,
+        tractions: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (of_u, forces) = gradients(self.last(), displacements, pressures, tractions)?;
+        let gradient = self.with(py, |history| of_history!(history, own => own.vjp(&of_u, &forces)))?;
+        Ok(PyArray1::from_vec(py, gradient))
+    }
+
+    fn __repr__(&self) -> String {
+        self.parameters[0].described("HistorySensitivity")
+    }
+}
+
+/// The last state of a history of loading as a function of data of its problem.
+///
+/// Parameters
+/// ----------
+/// start : ContactSolution
+///     The solution that :func:`evolve` began with.
+/// steps : list of EvolutionStep
+///     What it returned, all levels.
+/// parameter, loads, gaps, friction, young, poisson, positions, gap_gradients
+///     As for :meth:`ContactSolution.sensitivity`: each changes the data of all levels alike, ``parameter`` the load parameters of all.
+///
+/// Returns
+/// -------
+/// HistorySensitivity
+///     Not in reduced form, and not with friction that depends on the slip.
+#[pyfunction]
+#[pyo3(signature = (
+    start, steps, *, parameter=false, loads=None, gaps=None, friction=None, young=None, poisson=None, positions=None, gap_gradients=None
+))]
+fn history_sensitivity(
+    start: &Bound<'_, ContactSolution>,
+    steps: Vec<Bound<'_, EvolutionStep>>,
+    parameter: bool,
+    loads: Option<&Bound<'_, PyAny>>,
+    gaps: Option<&Bound<'_, PyAny>>,
+    friction: Option<&Bound<'_, PyAny>>,
+    young: Option<&Bound<'_, PyAny>>,
+    poisson: Option<&Bound<'_, PyAny>>,
+    positions: Option<&Bound<'_, PyAny>>,
+    gap_gradients: Option<&Bound<'_, PyAny>>,
+) -> PyResult<HistorySensitivity> {
+    let chosen = Chosen {
+        parameter,
+        loads,
+        gaps,
+        friction,
+        young,
+        poisson,
+        positions,
+        gap_gradients,
+    };
+    let py = start.py();
+    let mut solutions = vec![start.clone().unbind()];
+    solutions.extend(steps.iter().map(|step| step.get().solution.clone_ref(py)));
+    let problem = &start.get().problem;
+    problem.get().form()?;
+    if solutions.iter().any(|s| !s.get().problem.is(problem)) {
+        return Err(PyValueError::new_err(
+            "start and steps belong to different problems",
+        ));
+    }
+    let parameters = solutions.iter().map(|s| Parameters::new(s.get(), &chosen));
+    let made = HistorySensitivity {
+        parameters: parameters.collect::<PyResult<_>>()?,
+        solutions,
+    };
+    // What is no history of this problem, or one of its laws, is told at once.
+    made.with(py, |history| of_history!(history, own => own.differentiable()))?;
+    Ok(made)
 }
 
 type Triple<'py> = (
@@ -489,5 +681,7 @@ type Triple<'py> = (
 );
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<ContactSensitivity>()
+    module.add_class::<ContactSensitivity>()?;
+    module.add_class::<HistorySensitivity>()?;
+    module.add_function(wrap_pyfunction!(history_sensitivity, module)?)
 }

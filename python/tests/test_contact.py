@@ -720,3 +720,34 @@ def test_springs_foundations_and_supports_at_nodes_by_statics():
     ]:
         with pytest.raises((ss.SemismoothError, ValueError, TypeError), match=words):
             ss.Body(corner, material, supports={"left": 0.0}, **options)
+
+
+def test_histories_have_derivatives_in_all_levels():
+    def states(gap=0.0, friction=0.3):
+        problem = derivative_problem(gap=gap, friction=friction)
+        start = problem.solve(0.2)
+        return start, ss.evolve(problem, start, [0.9, -0.4, 0.3])
+
+    start, steps = states()
+    ones = np.ones((len(start.pressures), 1))
+    found = ss.history_sensitivity(start, steps, gaps=ones, friction=ones)
+    assert found.differentiable is True and len(found) == 2 and list(found.slices) == ["gaps", "friction"]
+    h = 1e-6
+    last = steps[-1].solution
+    for dp, data in [([1.0, 0.0], ("gap",)), ([0.0, 1.0], ("friction",))]:
+        ends = [states(**{name: {"gap": 0.0, "friction": 0.3}[name] + s * h for name in data})[1][-1].solution for s in (1, -1)]
+        rates = found.jvp(dp)
+        for rate, name in zip(rates, ["displacements", "pressures", "tractions"]):
+            difference = (getattr(ends[0], name) - getattr(ends[1], name)) / (2 * h)
+            np.testing.assert_allclose(rate, difference, atol=1e-5 * np.abs(difference).max() + 1e-9)
+        w = [np.ones_like(rate) for rate in rates]
+        assert found.vjp(*w) @ dp == pytest.approx(sum(rate.sum() for rate in rates), rel=1e-8)
+    # A step alone measures its slips from the step before: it is no solution of the problem at rest.
+    with pytest.raises(ss.SemismoothError, match="no solution"):
+        last.sensitivity(gaps=ones).jvp([1.0])
+    with pytest.raises(ValueError, match="different problems"):
+        ss.history_sensitivity(derivative_problem().solve(0.2), steps, gaps=ones)
+    with pytest.raises(ss.SemismoothError, match="history variables"):
+        worn = derivative_problem(friction=ss.Friction.exponential(0.4, 0.2, 0.1))
+        first = worn.solve(0.0)
+        ss.history_sensitivity(first, ss.evolve(worn, first, [0.1]), gaps=True)

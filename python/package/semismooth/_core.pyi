@@ -38,6 +38,7 @@ __all__ = [
     "FrictionBatch",
     "FrictionResult",
     "GivenBound",
+    "HistorySensitivity",
     "Lcp",
     "LemkeResult",
     "LimitedShear",
@@ -59,6 +60,7 @@ __all__ = [
     "diagram",
     "evolve",
     "follow",
+    "history_sensitivity",
     "lemke",
     "report",
     "sensitivity",
@@ -1136,6 +1138,32 @@ class ContactSensitivity:
     ) -> _Vector: ...
     def derivative(self) -> NDArray[np.float64]: ...
     def valid_until(self, dp: ArrayLike, horizon: float = 1.0) -> float: ...
+
+@final
+class HistorySensitivity:
+    @property
+    def slices(self) -> dict[str, slice]: ...
+    def __len__(self) -> int: ...
+    @property
+    def differentiable(self) -> bool | None: ...
+    def jvp(self, dp: ArrayLike) -> tuple[_Vector, _Vector, NDArray[np.float64]]: ...
+    def vjp(
+        self, displacements: ArrayLike | None = None, pressures: ArrayLike | None = None, tractions: ArrayLike | None = None
+    ) -> _Vector: ...
+
+def history_sensitivity(
+    start: ContactSolution,
+    steps: Sequence[EvolutionStep],
+    *,
+    parameter: bool = False,
+    loads: Literal[True] | Load | Sequence[Load | ArrayLike] | None = None,
+    gaps: Literal[True] | _Matrix | None = None,
+    friction: Literal[True] | _Matrix | None = None,
+    young: Literal[True] | str | Sequence[str | None] | None = None,
+    poisson: Literal[True] | str | Sequence[str | None] | None = None,
+    positions: Sequence[ArrayLike] | None = None,
+    gap_gradients: ArrayLike | None = None,
+) -> HistorySensitivity: ...
 
 @final
 class EvolutionStep:
