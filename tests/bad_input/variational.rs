@@ -220,7 +220,7 @@ fn problems(t: &mut Table) {
             let wide = Matrix::from_rows(&[[1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 1.0]]).unwrap();
             let function = AffineFunction::with_parameters(wide, vec![0.0; 2]).unwrap();
             let vi = Vi::with_parameters(function, set()).unwrap();
-            ViSolver::default().solve(&vi, &mut vec![0.0; 2]).map(|_| ())
+            ViSolver::default().solve(&vi, &mut [0.0; 2]).map(|_| ())
         },
     );
     t.refuses(all, "options out of range", "tolerance", || {

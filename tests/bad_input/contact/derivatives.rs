@@ -71,7 +71,11 @@ fn histories(t: &mut Table) {
     let new = "contact::Contact::history_sensitivity";
     let x = full().solve(0.0, None).unwrap();
     let chosen = || parameters(full().parameters());
-    let found = || full().history_sensitivity(&[x.clone()], &[chosen()]).unwrap();
+    let found = || {
+        full()
+            .history_sensitivity(std::slice::from_ref(&x), &[chosen()])
+            .unwrap()
+    };
     t.refuses(new, "no states", "no states", || {
         full().history_sensitivity(&[], &[]).map(drop)
     });
