@@ -732,7 +732,7 @@ pub(crate) fn frictions(
             let problem = problem.map_err(|e| e.to_string())?;
             let start = start.as_ref().map(|s| s.get(i));
             let found = solver.solve_observed(&problem, start, |_| run.flow());
-            found.map(|report| report.clone()).map_err(|e| e.to_string())
+            found.map_err(|e| e.to_string())
         };
         Ok(parts(count, || DelassusSolver::new(options.clone()), each))
     })?;
