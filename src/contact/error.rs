@@ -90,8 +90,8 @@ pub enum ContactError {
     },
     /// A coefficient of friction is 0 under a law that divides by it.
     #[error(
-        "the coefficient of friction of node {node} is 0 at parameter {parameter}, and the law in space divides by it; without any friction, \
-         `Frictionless::space()` is the law"
+        "the coefficient of friction of node {node} is 0 at parameter {parameter}, and the law in space divides by it: at a node without friction \
+         both coefficients are 0, whatever the parameter and the slip; without any friction, `Frictionless::space()` is the law"
     )]
     NoFriction {
         /// The contact node, from 0.

@@ -139,7 +139,8 @@ fn first_points() {
         vec![rows(&[&[0.0, 1.0, 0.0]]), rows(&[&[0.0, 0.0, 1.0]])],
         LoadPath::constant(vec![1.0, 0.5, 0.0]),
     );
-    let none = OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.0).unwrap());
+    let [none, some] = [0.0, 0.3].map(|f| FrictionCoefficient::constant(f).unwrap());
+    let none = OrthotropicCoulomb::new(none, some);
     let space = FullContact::new(body.unwrap(), none).unwrap();
     refused!(space.solve(0.0, None) => ContactError::NoFriction { node: 0, .. });
     // A body that can move freely under a load that pulls it away has no equilibrium.

@@ -1,8 +1,8 @@
 //! The doors from a mesh: the same solution in all forms, and the form that suits a body.
 
 use semismooth::contact::{
-    ContactError, ContactForm, ContactProblem, FrictionCoefficient, LoadPath, NodeLaw, OrthotropicCoulomb,
-    PlanarCoulomb,
+    ContactError, ContactForm, ContactProblem, ContactState, FrictionCoefficient, LoadPath, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb,
 };
 use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, MultiplierSpace};
 use semismooth::{contact_problem, reduced_body};
@@ -26,6 +26,52 @@ fn block(dim: usize) -> (ElasticSystem, Foundation, LoadPath) {
     let pull = system.traction("right", |_| along(0.02, 0.0)).unwrap();
     let ground = Foundation::gap(|x| 0.05 * (1.5 - x[0]) * (1.5 - x[0]));
     (system, ground, LoadPath::affine(press, pull))
+}
+
+/// Nodes without friction among others, in plane and space: the forms agree, such nodes carry no traction, and are in the limit of small
+/// coefficients.
+#[test]
+fn single_nodes_may_be_without_friction() {
+    for dim in [2, 3] {
+        let (system, ground, load) = block(dim);
+        let rows = system.contact("bottom", &ground).unwrap();
+        let p = rows.nodes.len();
+        let smooth = |i: usize| i.is_multiple_of(3);
+        let coefficient = |least: f64| {
+            let values = (0..p).map(|i| if smooth(i) { least } else { 0.4 }).collect();
+            FrictionCoefficient::nodal(values).unwrap()
+        };
+        let solve = |least: f64| {
+            let (form, load) = (ContactForm::Condensed, load.clone());
+            let found = match dim {
+                2 => contact_problem(&system, &rows, load, PlanarCoulomb::new(coefficient(least)), form)
+                    .unwrap()
+                    .solve(0.6, None),
+                _ => {
+                    let law = OrthotropicCoulomb::isotropic(coefficient(least));
+                    contact_problem(&system, &rows, load, law, form)
+                        .unwrap()
+                        .solve(0.6, None)
+                }
+            };
+            found.unwrap()
+        };
+        let (none, little) = (solve(0.0), solve(1e-7));
+        let mut pressed = 0;
+        for i in (0..p).filter(|&i| smooth(i)) {
+            assert!((1..dim).all(|d| none.forces[d * p + i] == 0.0));
+            pressed += usize::from(none.forces[i] > 0.0);
+            assert!(none.solution.states[i] != ContactState::Stick);
+        }
+        assert!(pressed > 0);
+        for (a, b) in none.displacements.iter().zip(&little.displacements) {
+            assert!((a - b).abs() < 1e-8);
+        }
+        match dim {
+            2 => agree(2, PlanarCoulomb::new(coefficient(0.0))),
+            _ => agree(3, OrthotropicCoulomb::isotropic(coefficient(0.0))),
+        }
+    }
 }
 
 fn agree<L: NodeLaw + Clone + Sync>(dim: usize, law: L) {

@@ -1,10 +1,11 @@
 use super::FrictionCoefficient;
 use super::coefficient::check_coefficient;
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN};
-use crate::contact::ContactError;
+use crate::contact::{ContactError, ContactState};
 use crate::piecewise::Facet;
 
-/// Coulomb friction in space with principal coefficients F = diag(F₁, F₂) along t₁, t₂, each of them F_k(x, ‖u_t‖, α) > 0:
+/// Coulomb friction in space with principal coefficients F = diag(F₁, F₂) along t₁, t₂, each of them F_k(x, ‖u_t‖, α) > 0, or both 0 at
+/// a node that has no friction at all:
 ///
 /// ```text
 /// λt ∈ F² u_t λν / ‖F u_t‖ where u_t ≠ 0,   ‖F⁻¹ λt‖ ≤ λν.
@@ -51,6 +52,12 @@ impl OrthotropicCoulomb {
     #[must_use]
     pub fn isotropic(coefficient: FrictionCoefficient) -> Self {
         Self::new(coefficient.clone(), coefficient)
+    }
+
+    /// Whether the node of the point is without friction, whatever its slip and the parameters are.
+    fn is_smooth(&self, v: &LocalValues) -> bool {
+        let is_zero = |c: &FrictionCoefficient| !c.depends_on_slip() && c.at(v, 0.0) == [0.0; 4];
+        self.coefficients.iter().all(is_zero)
     }
 
     /// F_k, ∂F_k/∂φ, ∂F_k/∂α and ∂F_k/∂β at the slip φ.
@@ -164,6 +171,14 @@ impl NodeLaw for OrthotropicCoulomb {
             .or(self.coefficients[1].num_nodes())
     }
 
+    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
+        match piece {
+            2 if self.is_smooth(v) => ContactState::slipping(v.slip[0]),
+            2 => ContactState::slipping(v.traction[0]),
+            _ => ContactState::ALL[piece],
+        }
+    }
+
     fn num_tests(&self) -> usize {
         4
     }
@@ -179,8 +194,13 @@ impl NodeLaw for OrthotropicCoulomb {
     }
 
     fn tests(&self, v: &LocalValues, out: &mut [f64]) {
-        let s = self.scaled(v);
         out[0] = v.theta1();
+        if self.is_smooth(v) {
+            // In contact such a node slips.
+            out[1..4].fill(1.0);
+            return;
+        }
+        let s = self.scaled(v);
         out[1] = s.norm - v.theta1();
         for d in 0..2 {
             out[2 + d] = if self.coefficients[d].depends_on_parameter() {
@@ -192,23 +212,24 @@ impl NodeLaw for OrthotropicCoulomb {
     }
 
     fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
-        let s = self.scaled(v);
         rows[0] = v.theta1_row();
-        rows[1] = LocalRow::default();
+        rows[1..4].fill(LocalRow::default());
+        if self.is_smooth(v) {
+            return;
+        }
+        let s = self.scaled(v);
         rows[1].add(-1.0, &v.theta1_row());
         for d in 0..2 {
             rows[1].add(s.direction[d], &s.dz[d]);
-            rows[2 + d] = if self.coefficients[d].depends_on_parameter() {
-                s.df[d]
-            } else {
-                LocalRow::default()
-            };
+            if self.coefficients[d].depends_on_parameter() {
+                rows[2 + d] = s.df[d];
+            }
         }
     }
 
     fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
         let h = v.normal(piece != 0).0;
-        if piece == 0 {
+        if piece == 0 || self.is_smooth(v) {
             return [h, v.traction[0], v.traction[1]];
         }
         let s = self.scaled(v);
@@ -222,7 +243,7 @@ impl NodeLaw for OrthotropicCoulomb {
 
     fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
         let h = v.normal(piece != 0).1;
-        if piece == 0 {
+        if piece == 0 || self.is_smooth(v) {
             return [h, LocalRow::of_traction(0), LocalRow::of_traction(1)];
         }
         let s = self.scaled(v);
@@ -267,9 +288,10 @@ impl NodeLaw for OrthotropicCoulomb {
     }
 
     fn check(&self, v: &LocalValues) -> Result<(), ContactError> {
+        let positive = !self.is_smooth(v);
         self.coefficients
             .iter()
-            .try_for_each(|c| check_coefficient(c, v, true))
+            .try_for_each(|c| check_coefficient(c, v, positive))
     }
 }
 
