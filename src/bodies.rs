@@ -31,7 +31,19 @@ pub fn contact_body(
     load: LoadPath,
 ) -> Result<ContactBody, ContactError> {
     let (normal, tangential) = (rows.normal.clone(), rows.tangential.clone());
-    ContactBody::new(system.stiffness().clone(), normal, tangential, load)?.with_gap(rows.gap.clone())
+    // The nodes with free displacements, for messages.
+    let (mesh, mut points, mut places) = (system.mesh(), Vec::new(), vec![[0; 2]; system.num_free()]);
+    for (node, at) in mesh.points().iter().enumerate() {
+        let before = points.len();
+        let free = (0..mesh.dim()).filter_map(|d| Some((d, system.dof(node, d)?)));
+        free.for_each(|(d, k)| places[k] = [before, d]);
+        if (0..mesh.dim()).any(|d| system.dof(node, d).is_some()) {
+            points.push(*at);
+        }
+    }
+    ContactBody::new(system.stiffness().clone(), normal, tangential, load)?
+        .with_gap(rows.gap.clone())?
+        .with_nodes(points, &places)
 }
 
 /// The same for contact in the displacements alone ([`ReducedContact`]), where the stiffness matrix is stored in blocks of nodes. Does not

@@ -209,6 +209,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
             parameter: alpha,
             displacement,
             at: at.map(|nodes| nodes.points[nodes.displacements[displacement][0]]),
+            motion: at.and_then(|nodes| super::motion::in_words(nodes, z)),
             work,
         })
     }

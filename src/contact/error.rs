@@ -265,8 +265,9 @@ pub enum ContactError {
     /// No contact forces balance the load: it moves an unsupported body away from the foundation, or along it against less friction than
     /// would be needed (then in a motion that lifts it, too: no contact forces do work against that).
     #[error(
-        "nothing balances the load at parameter {parameter}: it does the work {work:e} in a motion that makes no forces, in which displacement \
-         {displacement}{} moves most, by 1, and no contact node comes nearer to the foundation: hold the body, or change the load",
+        "nothing balances the load at parameter {parameter}: it does the work {work:e} in a motion that makes no forces, in which {}\
+         displacement {displacement}{} moves most, by 1, and no contact node comes nearer to the foundation: hold the body, or change the load",
+        .motion.as_ref().map_or(String::new(), |m| format!("the body {m}, ")),
         .at.map_or(String::new(), |p| format!(" at ({}, {}, {})", p[0], p[1], p[2]))
     )]
     Unbalanced {
@@ -276,6 +277,8 @@ pub enum ContactError {
         displacement: usize,
         /// Position of its node, if known.
         at: Option<[f64; 3]>,
+        /// The motion in words where it is rigid and positions are known: "slides along (1, 0)", say.
+        motion: Option<String>,
         /// The work of the load for a largest displacement of 1.
         work: f64,
     },

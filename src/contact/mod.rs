@@ -19,6 +19,7 @@ mod folder;
 mod forms;
 mod history;
 mod law;
+mod motion;
 mod multipliers;
 mod parameters;
 mod per_node;

@@ -176,7 +176,7 @@ impl Determinant {
     fn for_lines(&self, axis: usize, mut f: impl FnMut(&dyn Fn(usize) -> usize)) {
         let n = self.count;
         let stride = n.pow(axis as u32);
-        for k in (0..n.pow(self.dim as u32)).filter(|k| k / stride % n == 0) {
+        for k in (0..n.pow(self.dim as u32)).filter(|k| (k / stride).is_multiple_of(n)) {
             f(&|i| k + i * stride);
         }
     }

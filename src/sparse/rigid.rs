@@ -40,10 +40,14 @@ impl Place {
         places
     }
 
+    /// The length by which rotations are measured.
+    pub(crate) fn size(&self) -> f64 {
+        if self.size > 0.0 { self.size } else { 1.0 }
+    }
+
     /// The displacements at x of the motions, by motion.
     pub(crate) fn motions(&self, x: [f64; 3]) -> [[f64; 3]; 6] {
-        let size = if self.size > 0.0 { self.size } else { 1.0 };
-        let x: [f64; 3] = std::array::from_fn(|d| (x[d] - self.centre[d]) / size);
+        let x: [f64; 3] = std::array::from_fn(|d| (x[d] - self.centre[d]) / self.size());
         [
             [1.0, 0.0, 0.0],
             [0.0, 1.0, 0.0],

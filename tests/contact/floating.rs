@@ -1,8 +1,8 @@
 //! Bodies without supports, held by contact and friction alone.
 
 use semismooth::contact::{
-    ContactBody, ContactError, FrictionCoefficient, FullContact, LoadPath, NodeLaw, OrthotropicCoulomb,
-    PlanarCoulomb,
+    ContactBody, ContactError, FrictionCoefficient, Frictionless, FullContact, LoadPath, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb,
 };
 use semismooth::fem::{ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh, Mortar};
 use semismooth::sparse::Matrix;
@@ -65,6 +65,42 @@ fn a_block_on_a_table_is_held_by_friction() {
     let problem = on_table(mesh(), [WEIGHT, 0.0, 0.0], PlanarCoulomb::new(coefficient(5.0)));
     assert!(problem.solve(1.5, None).is_ok());
     is_unbalanced(problem.solve(2.1, None));
+}
+
+/// The motion that proves it has a name where positions of nodes are known: along a smooth table, and down a smooth slope.
+#[test]
+fn the_motion_that_nothing_resists_is_named() {
+    for (dim, slope, words) in [
+        (2, 0.0, "the body slides along (1, 0)"),
+        (2, 0.75, "the body slides along (0.8, -0.6)"),
+        (3, 0.0, "the body slides along (1, 0, 0)"),
+    ] {
+        let mesh = match dim {
+            2 => Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2]).unwrap(),
+            _ => Mesh::block([0.0; 3], [2.0, 1.0, 1.0], [2, 1, 1]).unwrap(),
+        };
+        let system = floating(mesh);
+        let mut up = [0.0; 3];
+        (up[0], up[dim - 1]) = (slope, 1.0);
+        let ground = Foundation::plane([0.0; 3], up).with_normal(move |_| up.map(|u| -u));
+        let rows = system.contact("bottom", &ground).unwrap();
+        let mut down = [if slope == 0.0 { WEIGHT } else { 0.0 }, 0.0, 0.0];
+        down[dim - 1] = -WEIGHT;
+        let load = system.body_force(|_| down).unwrap();
+        let body = semismooth::contact_body(&system, &rows, LoadPath::constant(load)).unwrap();
+        let found = match dim {
+            2 => FullContact::new(body, Frictionless::plane())
+                .unwrap()
+                .solve(0.0, None),
+            _ => FullContact::new(body, Frictionless::space())
+                .unwrap()
+                .solve(0.0, None),
+        };
+        match found {
+            Err(e @ ContactError::Unbalanced { .. }) => assert!(e.to_string().contains(words), "{e}"),
+            other => panic!("{other:?}"),
+        }
+    }
 }
 
 #[test]
