@@ -1,7 +1,7 @@
 """Batches of linear complementarity problems (n = 20, random, definite) against loops over the members.
 
 python -B batches.py [MEMBERS]: a line for one and for all cores, and for each loop that can be run here, of a hundredth of the members at
-most. `RAYON_NUM_THREADS` sets the number of threads of this package, once for a process.
+most. `SEMISMOOTH_NUM_THREADS` sets the number of threads of a batch.
 """
 
 import os
@@ -70,7 +70,7 @@ if __name__ == "__main__":
     else:
         members = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
         for threads in [1, os.cpu_count()]:
-            environment = {**os.environ, "RAYON_NUM_THREADS": str(threads)}
+            environment = {**os.environ, "SEMISMOOTH_NUM_THREADS": str(threads)}
             command = [sys.executable, "-B", __file__, "threads", str(members)]
             run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
             line(f"semismooth, a batch, {threads} thread(s)", float(run.stdout) / members)

@@ -2,8 +2,9 @@
 
 use std::borrow::Cow;
 use std::ffi::CString;
-use std::ops::{ControlFlow, Range};
-use std::sync::Mutex;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use numpy::{
     AllowTypeChange, PyArray1, PyArray2, PyArray3, PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods,
@@ -17,7 +18,6 @@ use semismooth::piecewise::{self, PiecewiseSmooth, Traced};
 use semismooth::run::Status;
 use semismooth::sensitivity::SensitivityError;
 use semismooth::sparse::{Matrix, Pattern};
-use semismooth::sweep::sweep;
 
 use crate::arrays::{counted, real};
 use crate::errors::{Run, lock, raised};
@@ -150,21 +150,43 @@ pub(crate) fn dimensions(object: Option<&Bound<'_, PyAny>>) -> usize {
     }
 }
 
-/// Calls `each` for the members of parts of a batch on all cores; a part begins with what `begin` makes.
+/// The number of threads of a batch: that of the cores that this process may use, or of `SEMISMOOTH_NUM_THREADS`.
+fn threads() -> usize {
+    let wanted = std::env::var("SEMISMOOTH_NUM_THREADS");
+    let wanted = wanted.ok().and_then(|text| text.parse().ok()).filter(|n| *n > 0);
+    wanted.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
+}
+
+/// Calls `each` for the members of parts of a batch on all cores; a part begins with what `begin` makes. Threads live as long as the batch:
+/// a pool that lasted would not survive where Python forks.
 fn parts<S, R: Send>(
     count: usize,
     begin: impl Fn() -> S + Sync,
     each: impl Fn(&mut S, usize) -> R + Sync,
 ) -> Vec<R> {
-    let ranges: Vec<Range<usize>> = (0..count)
-        .step_by(TOGETHER)
-        .map(|first| first..count.min(first + TOGETHER))
-        .collect();
-    let found = sweep(&ranges, |range| {
-        let mut state = begin();
-        range.clone().map(|i| each(&mut state, i)).collect::<Vec<R>>()
+    let number = count.div_ceil(TOGETHER);
+    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::with_capacity(number)));
+    let work = || {
+        loop {
+            let part = next.fetch_add(1, Ordering::Relaxed);
+            if part >= number {
+                return;
+            }
+            let range = part * TOGETHER..count.min((part + 1) * TOGETHER);
+            let mut state = begin();
+            let found: Vec<R> = range.map(|i| each(&mut state, i)).collect();
+            lock(&done).push((part, found));
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..threads().min(number) {
+            scope.spawn(work);
+        }
+        work();
     });
-    found.into_iter().flatten().collect()
+    let mut all = done.into_inner().unwrap_or_else(PoisonError::into_inner);
+    all.sort_unstable_by_key(|(part, _)| *part);
+    all.into_iter().flat_map(|(_, found)| found).collect()
 }
 
 /// What is known of a member.

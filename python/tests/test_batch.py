@@ -149,7 +149,7 @@ sys.stdout.write(ss.solve_lcp(M, q).x.tobytes().hex())
 """
     runs = []
     for threads in ["1", "2", "3"]:
-        environment = {**os.environ, "RAYON_NUM_THREADS": threads}
+        environment = {**os.environ, "SEMISMOOTH_NUM_THREADS": threads}
         code = script.format(folder=os.path.dirname(__file__))
         run = subprocess.run([sys.executable, "-B", "-c", code], env=environment, capture_output=True, text=True, check=True)
         runs.append(run.stdout)
