@@ -20,6 +20,7 @@ mod lists;
 mod map;
 mod mesh;
 mod names;
+mod optimise;
 mod report;
 mod saving;
 mod sensitivity;
@@ -59,6 +60,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     contact::register(module)?;
     solution::register(module)?;
     derivatives::register(module)?;
+    optimise::register(module)?;
     report::register(module)?;
     saving::register(module)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))

@@ -75,6 +75,22 @@ fn rows_of(
     }
 }
 
+/// The polyhedron of bounds, A x ≤ b and E x = d.
+pub(crate) fn set_of(
+    [lower, upper]: [Vec<f64>; 2],
+    [A, b]: [Option<&Bound<'_, PyAny>>; 2],
+    [E, d]: [Option<&Bound<'_, PyAny>>; 2],
+) -> PyResult<Polyhedron> {
+    let mut set = Polyhedron::boxed(lower, upper).map_err(raised)?;
+    if let Some((rows, right)) = rows_of(A, b, ["A", "b"])? {
+        set = set.with_inequalities(rows, right).map_err(raised)?;
+    }
+    if let Some((rows, right)) = rows_of(E, d, ["E", "d"])? {
+        set = set.with_equations(rows, right).map_err(raised)?;
+    }
+    Ok(set)
+}
+
 /// Solves the variational inequality over C = {lower ≤ x ≤ upper, A x ≤ b, E x = d}: x in C with F(x)ᵀ(y − x) ≥ 0 for all y in C.
 ///
 /// Parameters
@@ -122,13 +138,7 @@ fn solve_vi(
     let n = x.len();
     let lower = bound(lower, n, f64::NEG_INFINITY, "lower")?;
     let upper = bound(upper, n, f64::INFINITY, "upper")?;
-    let mut set = Polyhedron::boxed(lower, upper).map_err(raised)?;
-    if let Some((rows, right)) = rows_of(A, b, ["A", "b"])? {
-        set = set.with_inequalities(rows, right).map_err(raised)?;
-    }
-    if let Some((rows, right)) = rows_of(E, d, ["E", "d"])? {
-        set = set.with_equations(rows, right).map_err(raised)?;
-    }
+    let set = set_of([lower, upper], [A, b], [E, d])?;
     let derivative = Derivative::new(F, jac, pattern, &x, n)?;
     let options: McpOptions = crate::arrays::options(options, py)?;
     let report = Run::detached(py, |run| {

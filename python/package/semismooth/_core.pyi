@@ -47,6 +47,7 @@ __all__ = [
     "Material",
     "McpResult",
     "Mesh",
+    "MinimiseResult",
     "Mortar",
     "SemismoothError",
     "Sensitivity",
@@ -62,6 +63,7 @@ __all__ = [
     "follow",
     "history_sensitivity",
     "lemke",
+    "minimise",
     "report",
     "sensitivity",
     "solve",
@@ -238,6 +240,69 @@ def sensitivity(
     lower: ArrayLike | None = None,
     upper: ArrayLike | None = None,
 ) -> Sensitivity | Any: ...  # BatchSensitivity with a leading dimension
+
+@final
+class MinimiseResult:
+    @property
+    def params(self) -> _Vector: ...
+    @property
+    def x(self) -> _Vector: ...
+    @property
+    def value(self) -> float: ...
+    @property
+    def solved(self) -> bool: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def subgradient(self) -> _Vector: ...
+    @property
+    def subgradient_norm(self) -> float: ...
+    @property
+    def gradient_norm(self) -> float: ...
+    @property
+    def error(self) -> float: ...
+    @property
+    def radius(self) -> float: ...
+    @property
+    def multipliers(self) -> dict[str, Any]: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def evaluations(self) -> int: ...
+    @property
+    def failures(self) -> int: ...
+    @property
+    def history(self) -> list[dict[str, Any]]: ...
+    @property
+    def time(self) -> float: ...
+
+class _BundleOptions(TypedDict, total=False):
+    tolerance: float
+    value_tolerance: float
+    step: float | None
+    max_iterations: int
+    max_time: float | None
+    max_bundle: int
+
+def minimise(
+    f: Callable[[Any, Any], Any],
+    F: Callable[[Any, Any], Any],
+    x0: ArrayLike,
+    p0: ArrayLike,
+    lower: ArrayLike | None = None,
+    upper: ArrayLike | None = None,
+    *,
+    p_lower: ArrayLike | None = None,
+    p_upper: ArrayLike | None = None,
+    A: _Matrix | None = None,
+    b: ArrayLike | None = None,
+    E: _Matrix | None = None,
+    d: ArrayLike | None = None,
+    callback: Callable[[dict[str, Any]], Any] | None = None,
+    **options: Unpack[_BundleOptions],
+) -> MinimiseResult: ...
 
 @final
 class BatchSensitivity:
