@@ -168,6 +168,9 @@ pub type McpResult = Result<Solution<McpReport>, SolveError<ComplementarityError
 /// What [`solve_vi`] and [`solve_qp`] return.
 pub type ViResult = Result<Solution<ViReport>, SolveError<VariationalError, ViReport>>;
 
+/// What [`implicit`] returns.
+pub type ImplicitFormula = Implicit<Autodiff<Formula>, Traced<Formula>, Autodiff<Formula>>;
+
 /// Solves n equations with kinks in n unknowns, H(x) = 0, from a start x₀.
 ///
 /// ```
@@ -356,7 +359,7 @@ pub fn implicit<O, F>(
     [lower, upper]: [&[f64]; 2],
     x0: &[f64],
     num_parameters: usize,
-) -> Result<Implicit<Autodiff<Formula>, Traced<Formula>, Autodiff<Formula>>, OptimiseError>
+) -> Result<ImplicitFormula, OptimiseError>
 where
     O: for<'a> FnOnce(&[Expression<'a>], &[Expression<'a>]) -> Expression<'a>,
     F: for<'a> Fn(&[Expression<'a>], &[Expression<'a>]) -> Vec<Expression<'a>>,

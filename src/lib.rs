@@ -70,8 +70,8 @@ pub use bodies::{contact_body, contact_problem, reduced_body};
 pub use cause::Cause;
 #[cfg(feature = "autodiff")]
 pub use doors::{
-    McpResult, Solution, SolveError, ViResult, all_solutions, diagram, follow, implicit, minimise,
-    parametric, parametric_mcp, solve, solve_cone, solve_lcp, solve_mcp, solve_qp, solve_vi,
+    ImplicitFormula, McpResult, Solution, SolveError, ViResult, all_solutions, diagram, follow, implicit,
+    minimise, parametric, parametric_mcp, solve, solve_cone, solve_lcp, solve_mcp, solve_qp, solve_vi,
 };
 pub use words::UnknownName;
 

@@ -10,6 +10,9 @@ use semismooth::{Cause, contact_body};
 type Outcome<T> = Result<T, Cause>;
 type Problem = CondensedContact<PlanarCoulomb>;
 
+/// A problem, its solution and the displacements observed.
+type Response = (Problem, Vec<f64>, Vec<f64>);
+
 const LENGTH: f64 = 2.0;
 
 /// A block of steel-like units, held at its left side, on the ground.
@@ -64,7 +67,7 @@ impl Identification {
     }
 
     /// The problem, its solution and the observed displacements at each level.
-    pub fn response(&self, friction: &[f64]) -> Outcome<Vec<(Problem, Vec<f64>, Vec<f64>)>> {
+    pub fn response(&self, friction: &[f64]) -> Outcome<Vec<Response>> {
         let law = PlanarCoulomb::new(self.friction(friction)?);
         let problem = CondensedContact::new(self.body.clone(), law)?;
         let at = |level: &f64| {

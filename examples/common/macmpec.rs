@@ -8,6 +8,9 @@ use semismooth::variational::Polyhedron;
 /// The best upper-level variables found from a start.
 type Found = Result<(Vec<f64>, BundleReport), OptimiseError>;
 
+/// Solves a problem from a start.
+type Solve = dyn Fn(&Bundle, &[f64]) -> Found;
+
 pub struct Problem {
     pub name: &'static str,
     /// The value of the list.
@@ -16,7 +19,7 @@ pub struct Problem {
     pub digits: usize,
     /// Starts: upper-level variables.
     pub starts: Vec<Vec<f64>>,
-    pub solve: Box<dyn Fn(&Bundle, &[f64]) -> Found>,
+    pub solve: Box<Solve>,
 }
 
 type Objective = for<'a> fn(&[Expression<'a>], &[Expression<'a>]) -> Expression<'a>;

@@ -24,6 +24,9 @@ pub struct Polyhedron {
     pub(super) upper: Vec<f64>,
 }
 
+/// The entries (column, value) of a row, and its right-hand side.
+pub(crate) type Row = (Vec<(usize, f64)>, f64);
+
 /// Rows of a matrix as columns of its transpose, with right-hand sides.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Rows {
@@ -196,7 +199,7 @@ impl Polyhedron {
     }
 
     /// The rows of A x ≤ b with b, then those of E x = d with d, each by its entries (column, value).
-    pub(crate) fn rows(&self) -> [Vec<(Vec<(usize, f64)>, f64)>; 2] {
+    pub(crate) fn rows(&self) -> [Vec<Row>; 2] {
         [&self.a, &self.e].map(|rows| {
             (0..rows.len())
                 .map(|i| (rows.row(i).collect(), rows.right[i]))

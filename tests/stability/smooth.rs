@@ -124,10 +124,10 @@ fn some_eigenvalues_of_large_systems() {
             .map(|i| {
                 let mut sum = -2.0 * at(i) + 0.0 * a[0];
                 if i > 0 {
-                    sum = sum + at(i - 1);
+                    sum += at(i - 1);
                 }
                 if i + 1 < n {
-                    sum = sum + at(i + 1);
+                    sum += at(i + 1);
                 }
                 sum
             })
@@ -192,4 +192,22 @@ fn neural_mass() {
         (found.spectra[0].unstable, found.spectra.last().unwrap().unstable),
         (0, 0)
     );
+    picture(&found);
 }
+
+/// Dashes say unstable, and Hopf points are marked.
+#[cfg(feature = "svg")]
+fn picture(found: &StabilityBranch) {
+    use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
+    let curve = Curve::of_stability(found, |x| x[0], &SegmentStyle::new("equilibria", Colour::BLUE));
+    let svg = BranchDiagram::new(Panel::new("E0", "E").with_curve(curve))
+        .to_svg()
+        .unwrap();
+    for word in ["unstable", "Hopf point", "smooth fold", "stroke-dasharray"] {
+        assert!(svg.contains(word), "{word}");
+    }
+    assert!(!svg.contains("det &lt; 0") && !svg.contains("det < 0"));
+}
+
+#[cfg(not(feature = "svg"))]
+fn picture(_: &StabilityBranch) {}
