@@ -11,18 +11,21 @@ use super::{FemError, Mesh};
 ///
 /// ```
 /// use semismooth::fem::{Elasticity, Material, Mesh, Spring};
-/// // A square of E = 1 in uniaxial stress on a spring of stiffness 2: pulled by 0.1, displaced by 0.05 + 0.1.
+/// // A square of E = 1 and ν = 0 on two springs of stiffness 1: a pull of 0.1 moves it by 0.1/2 and stretches it by 0.1.
 /// let mut mesh = Mesh::rectangle([0.0, 0.0], [1.0, 1.0], [1, 1])?;
 /// mesh.mark_nodes("left ends", |x| x[0] == 0.0);
 /// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.0)?)
 ///     .fix_component("bottom", 1)
 ///     .spring("left ends", Spring::along([1.0, 0.0, 0.0], 1.0)?)
 ///     .assemble()?;
+/// let load = system.traction("right", |_| [0.1, 0.0, 0.0])?;
 /// let mut u = vec![0.0; system.num_free()];
-/// u[system.dof(0, 0).unwrap()] = 0.05;
-/// let mut force = u.clone();
+/// for (node, x) in system.mesh().points().iter().enumerate() {
+///     u[system.dof(node, 0).unwrap()] = 0.05 + 0.1 * x[0];
+/// }
+/// let mut force = vec![0.0; u.len()];
 /// system.stiffness().mul_vec(&u, &mut force);
-/// assert_eq!(system.dof(0, 1), None);
+/// assert!(force.iter().zip(&load).all(|(a, b)| (a - b).abs() < 1e-16));
 /// # Ok::<(), semismooth::fem::FemError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
