@@ -3,7 +3,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::cell_points::Points;
 use super::elasticity::{Dilatation, Elasticity};
-use super::element::map_cell;
+use super::element::Jacobian;
 use super::facet::integrate;
 use super::material::VOIGT;
 use super::nodal::CellsOf;
@@ -284,14 +284,14 @@ impl ElasticSystem {
         let mut load = vec![0.0; self.num_free()];
         for cell in 0..self.mesh.num_cells() {
             let kind = self.mesh.kind(cell);
-            let nodes = self.mesh.nodes_at(cell);
-            for (x, weight) in kind.reference().quadrature() {
-                let (shape, _, det) = map_cell(kind, &nodes[..kind.num_nodes()], x);
-                let at = interpolate(&nodes, &shape);
-                let weight = weight * self.round(at);
+            let nodes = || self.mesh.nodes_at(cell);
+            for sample in &kind.reference().table().quadrature {
+                let map = Jacobian::of(kind.dim(), nodes(), &sample.gradient);
+                let at = interpolate(nodes(), &sample.value);
+                let weight = sample.weight * self.round(at);
                 let f = self.checked("the volume force", at, force(at))?;
-                for (&node, s) in self.mesh.cell(cell).iter().zip(&shape) {
-                    self.add(&mut load, node, weight * det * s, f);
+                for (&node, s) in self.mesh.cell(cell).iter().zip(&sample.value) {
+                    self.add(&mut load, node, weight * map.det * s, f);
                 }
             }
         }
@@ -424,11 +424,13 @@ impl ElasticSystem {
         let stress = |cell: usize| {
             let kind = self.mesh.kind(cell);
             let nodes = self.mesh.cell(cell);
-            let places = self.mesh.nodes_at(cell);
-            let (shape, gradient, _) = map_cell(kind, &places[..nodes.len()], kind.reference().centre());
+            let places = || self.mesh.nodes_at(cell);
+            let centre = &kind.reference().table().centre;
+            let map = Jacobian::of(dim, places(), &centre.gradient);
             // h[d][e] = ∂u_d/∂x_e
             let mut h = [[0.0; 3]; 3];
-            for (&node, g) in nodes.iter().zip(&gradient) {
+            for (&node, g) in nodes.iter().zip(&centre.gradient) {
+                let g = map.gradient(*g);
                 for d in 0..dim {
                     for e in 0..dim {
                         h[d][e] += u[dim * node + d] * g[e];
@@ -436,14 +438,14 @@ impl ElasticSystem {
                 }
             }
             if self.is_revolved() {
-                let radius = interpolate(&places, &shape)[0];
-                let along = nodes.iter().zip(&shape).map(|(n, s)| s * u[dim * n]);
+                let radius = interpolate(places(), &centre.value)[0];
+                let along = nodes.iter().zip(&centre.value).map(|(n, s)| s * u[dim * n]);
                 h[2][2] = along.sum::<f64>() / radius;
             }
             let mut strain = VOIGT.map(|[i, j]| if i == j { h[i][i] } else { h[i][j] + h[j][i] });
             if self.mean_dilatation[self.material_of[cell]] && kind.is_box() {
                 let (mut dilatation, mut volume) = (0.0, 0.0);
-                for point in Points::of(kind, &places, false, self.is_revolved()).iter() {
+                for point in Points::of(kind, places(), false, self.is_revolved()).iter() {
                     volume += point.volume;
                     for (a, &node) in nodes.iter().enumerate() {
                         let own = (0..dim).map(|d| u[dim * node + d] * point.dilatation(a, d));
@@ -515,9 +517,9 @@ fn fix_axis(mesh: &Mesh, fixed: &mut [bool], prescribed: &[f64]) -> Result<(), F
     Ok(())
 }
 
-fn interpolate(nodes: &[[f64; 3]], shape: &[f64]) -> [f64; 3] {
+fn interpolate(nodes: impl Iterator<Item = [f64; 3]>, shape: &[f64]) -> [f64; 3] {
     let mut at = [0.0; 3];
-    for (node, s) in nodes.iter().zip(shape) {
+    for (node, s) in nodes.zip(shape) {
         for d in 0..3 {
             at[d] += s * node[d];
         }

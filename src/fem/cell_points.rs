@@ -2,8 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::element::{CellKind, map_cell};
-use super::material::VOIGT;
+use super::element::{CellKind, Jacobian};
 
 /// What a node of a cell contributes to the strain at a quadrature point.
 #[derive(Debug, Clone, Copy)]
@@ -22,23 +21,14 @@ impl Share {
         self.gradient[component] + if component == 0 { self.hoop } else { 0.0 }
     }
 
-    /// The strain under a unit displacement.
+    /// The strain (11, 22, 33, 12, 23, 13) under a unit displacement.
     pub(super) fn column(&self, component: usize) -> [f64; 6] {
-        let mut column = [0.0; 6];
-        for (s, [i, j]) in VOIGT.into_iter().enumerate() {
-            if i == component {
-                column[s] = self.gradient[j];
-            } else if j == component {
-                column[s] = self.gradient[i];
-            }
-            if i == j {
-                column[s] += self.mean[component];
-            }
+        let ([x, y, z], mean) = (self.gradient, self.mean[component]);
+        match component {
+            0 => [x + mean, mean, mean + self.hoop, y, 0.0, z],
+            1 => [mean, y + mean, mean, x, z, 0.0],
+            _ => [mean, mean, z + mean, 0.0, y, x],
         }
-        if component == 0 {
-            column[2] += self.hoop;
-        }
-        column
     }
 }
 
@@ -72,7 +62,12 @@ pub(super) struct Points {
 
 impl Points {
     /// Those of one cell; see [`add`](Self::add).
-    pub(super) fn of(kind: CellKind, nodes: &[[f64; 3]], mean: bool, revolved: bool) -> Self {
+    pub(super) fn of(
+        kind: CellKind,
+        nodes: impl Iterator<Item = [f64; 3]> + Clone,
+        mean: bool,
+        revolved: bool,
+    ) -> Self {
         let mut points = Self::default();
         points.add(kind, nodes, mean, revolved);
         points
@@ -108,29 +103,41 @@ impl Points {
 
     /// Appends the quadrature points of a cell, one where its strains are constant; with `mean`, gradients of dilatation are means over the
     /// cell; `revolved`: a cell of a body of revolution, whose nodes are at their radii.
-    pub(super) fn add(&mut self, kind: CellKind, nodes: &[[f64; 3]], mean: bool, revolved: bool) {
-        let (first, count) = (self.len(), kind.num_nodes());
-        let mut quadrature = kind.reference().quadrature();
-        if kind.has_constant_strain() && !revolved {
-            quadrature[0].1 = quadrature.iter().map(|p| p.1).sum();
-            quadrature.truncate(1);
-        }
-        for (at, weight) in quadrature {
-            let (shape, gradient, det) = map_cell(kind, &nodes[..count], at);
-            // Points of integration lie inside the cell, and off the axis.
-            let radius: f64 = nodes.iter().zip(shape).map(|(c, s)| s * c[0]).sum();
-            let round = if revolved { TAU * radius } else { 1.0 };
-            self.volumes.push(weight * det * round);
-            let share = |a: usize| Share {
-                gradient: gradient[a],
-                hoop: if revolved { shape[a] / radius } else { 0.0 },
+    pub(super) fn add(
+        &mut self,
+        kind: CellKind,
+        nodes: impl Iterator<Item = [f64; 3]> + Clone,
+        mean: bool,
+        revolved: bool,
+    ) {
+        let (first, table) = (self.len(), kind.reference().table());
+        let samples = if kind.has_constant_strain() && !revolved {
+            std::slice::from_ref(&table.centre)
+        } else {
+            &table.quadrature
+        };
+        for sample in samples {
+            let map = Jacobian::of(kind.dim(), nodes.clone(), &sample.gradient);
+            let shares = sample.value.iter().zip(&sample.gradient);
+            let share = |gradient: [f64; 3], hoop: f64| Share {
+                gradient: map.gradient(gradient),
+                hoop,
                 mean: [0.0; 3],
             };
-            self.shares.extend((0..count).map(share));
+            let volume = sample.weight * map.det;
+            if revolved {
+                // Points of integration lie inside the cell, and off the axis.
+                let radius: f64 = nodes.clone().zip(&sample.value).map(|(x, s)| s * x[0]).sum();
+                self.volumes.push(volume * (TAU * radius));
+                self.shares.extend(shares.map(|(s, g)| share(*g, s / radius)));
+            } else {
+                self.volumes.push(volume);
+                self.shares.extend(shares.map(|(_, g)| share(*g, 0.0)));
+            }
             self.ends.push(self.shares.len());
         }
         if mean {
-            self.average(first, count);
+            self.average(first, kind.num_nodes());
         }
     }
 

@@ -122,7 +122,7 @@ impl ElasticSystem {
         Cell {
             nodes: kind.num_nodes(),
             dim,
-            points: Points::of(kind, &self.mesh.nodes_at(cell), is_mean, self.is_revolved()),
+            points: Points::of(kind, self.mesh.nodes_at(cell), is_mean, self.is_revolved()),
             u,
             is_mean,
         }

@@ -1,5 +1,8 @@
 //! Reference elements: nodes, shape functions, quadrature, facets.
 
+use std::sync::OnceLock;
+
+use super::mesh::{cross, dot};
 use crate::words::named;
 
 /// Kinds of cells: with linear (simplices) or multilinear (boxes) shape functions, and isoparametric ones of second order.
@@ -178,6 +181,10 @@ enum Shape {
     Hexahedron,
 }
 
+impl Shape {
+    const COUNT: usize = Self::Hexahedron as usize + 1;
+}
+
 /// A reference cell or facet: simplices with corners at the origin and the unit vectors, boxes (−1, 1)ᵈ. Nodes of second order follow the
 /// corners, those of the faces the middles of edges, so that each shape has one table of nodes, and elements the first ones of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -316,11 +323,11 @@ impl Reference {
 
     /// The corners around a node: itself, the ends of an edge, the corners of a face or of the cell.
     pub(super) fn around(self, node: usize) -> impl Iterator<Item = usize> {
-        let (shares, _) = self.linear().functions(self.points()[node]);
+        let shares = self.linear().sample(self.points()[node], 0.0).value;
         (0..self.num_corners()).filter(move |&k| shares[k] > 0.0)
     }
 
-    pub(super) const fn centre(self) -> [f64; 3] {
+    const fn centre(self) -> [f64; 3] {
         match self.shape {
             Shape::Triangle => [1.0 / 3.0; 3],
             Shape::Tetrahedron => [0.25; 3],
@@ -328,8 +335,8 @@ impl Reference {
         }
     }
 
-    /// Quadrature points and weights, exact for the stiffness of an undistorted cell.
-    pub(super) fn quadrature(self) -> Vec<([f64; 3], f64)> {
+    /// Quadrature points and weights.
+    fn quadrature(self) -> Vec<([f64; 3], f64)> {
         match self.shape {
             Shape::Triangle if self.is_linear() => vec![
                 ([1.0 / 6.0, 1.0 / 6.0, 0.0], 1.0 / 6.0),
@@ -388,20 +395,44 @@ impl Reference {
         }
     }
 
-    /// Values and reference gradients of the shape functions.
-    pub(super) fn functions(self, x: [f64; 3]) -> ([f64; MAX_NODES], [[f64; 3]; MAX_NODES]) {
-        let mut value = [0.0; MAX_NODES];
-        let mut gradient = [[0.0; 3]; MAX_NODES];
-        if self.is_simplex() {
-            self.of_simplex(x, &mut value, &mut gradient);
-        } else {
-            self.of_box(x, &mut value, &mut gradient);
+    /// What is known of its shape functions, computed on first use.
+    pub(super) fn table(self) -> &'static Table {
+        static TABLES: [[OnceLock<Box<Table>>; MAX_NODES + 1]; Shape::COUNT] =
+            [const { [const { OnceLock::new() }; MAX_NODES + 1] }; Shape::COUNT];
+        TABLES[self.shape as usize][self.nodes].get_or_init(|| {
+            let quadrature = self.quadrature();
+            let measure = quadrature.iter().map(|p| p.1).sum();
+            Box::new(Table {
+                quadrature: quadrature.into_iter().map(|(x, w)| self.sample(x, w)).collect(),
+                centre: self.sample(self.centre(), measure),
+                nodes: self.points().iter().map(|x| self.sample(*x, 0.0)).collect(),
+            })
+        })
+    }
+
+    /// Its shape functions at a point.
+    pub(super) fn sample(self, at: [f64; 3], weight: f64) -> Sample {
+        let (mut value, mut gradient) = (vec![0.0; self.nodes], vec![[0.0; 3]; self.nodes]);
+        self.functions(at, &mut value, &mut gradient);
+        Sample {
+            at,
+            weight,
+            value,
+            gradient,
         }
-        (value, gradient)
+    }
+
+    /// Values and reference gradients of the shape functions, into room for as many that holds zeros.
+    pub(super) fn functions(self, x: [f64; 3], value: &mut [f64], gradient: &mut [[f64; 3]]) {
+        if self.is_simplex() {
+            self.of_simplex(x, value, gradient);
+        } else {
+            self.of_box(x, value, gradient);
+        }
     }
 
     /// By barycentric coordinates: λ, or λ (2 λ − 1) at corners and 4 λ μ at the middles of edges.
-    fn of_simplex(self, x: [f64; 3], value: &mut [f64; MAX_NODES], gradient: &mut [[f64; 3]; MAX_NODES]) {
+    fn of_simplex(self, x: [f64; 3], value: &mut [f64], gradient: &mut [[f64; 3]]) {
         let dim = self.dim();
         let mut l = [1.0, x[0], x[1], x[2]];
         let mut slope = [[0.0; 3]; 4];
@@ -427,7 +458,7 @@ impl Reference {
     }
 
     /// Products of functions of each coordinate, which for serendipity are linear at corners and corrected as a whole.
-    fn of_box(self, x: [f64; 3], value: &mut [f64; MAX_NODES], gradient: &mut [[f64; 3]; MAX_NODES]) {
+    fn of_box(self, x: [f64; 3], value: &mut [f64], gradient: &mut [[f64; 3]]) {
         let dim = self.dim();
         let is_linear = self.is_linear();
         let is_product = is_linear || self.nodes == 3usize.pow(dim as u32);
@@ -455,37 +486,59 @@ impl Reference {
     }
 }
 
-/// Geometry of a cell at a reference point: shape values, physical gradients, det of the Jacobian.
-pub(super) fn map_cell(
-    kind: CellKind,
-    nodes: &[[f64; 3]],
-    x: [f64; 3],
-) -> ([f64; MAX_NODES], [[f64; 3]; MAX_NODES], f64) {
-    let (value, mut gradient) = kind.reference().functions(x);
-    let dim = kind.dim();
-    // j[d][e] = ∂x_d/∂ξ_e
-    let mut j = [[0.0; 3], [0.0; 3], [0.0, 0.0, 1.0]];
-    if dim == 3 {
-        j[2] = [0.0; 3];
-    }
-    for (node, g) in nodes.iter().zip(&gradient) {
-        for d in 0..dim {
-            for e in 0..dim {
-                j[d][e] += node[d] * g[e];
+/// What is known of the shape functions of a reference cell or facet before its nodes are: computed once, for all cells.
+#[derive(Debug)]
+pub(super) struct Table {
+    /// The quadrature, exact for the stiffness of an undistorted cell.
+    pub(super) quadrature: Vec<Sample>,
+    /// The centre, with the sum of the weights: enough where gradients are constant.
+    pub(super) centre: Sample,
+    /// The nodes, which have no weight.
+    pub(super) nodes: Vec<Sample>,
+}
+
+/// Values and reference gradients of the shape functions at a point of a reference cell or facet, with a weight.
+#[derive(Debug)]
+pub(super) struct Sample {
+    pub(super) at: [f64; 3],
+    pub(super) weight: f64,
+    pub(super) value: Vec<f64>,
+    pub(super) gradient: Vec<[f64; 3]>,
+}
+
+/// The map from a reference cell at one of its points.
+pub(super) struct Jacobian {
+    cofactors: [[f64; 3]; 3],
+    pub(super) det: f64,
+}
+
+impl Jacobian {
+    /// From the nodes of a cell and the reference gradients of their shape functions.
+    pub(super) fn of(dim: usize, nodes: impl Iterator<Item = [f64; 3]>, gradients: &[[f64; 3]]) -> Self {
+        // j[d][e] = ∂x_d/∂ξ_e
+        let mut j = [[0.0; 3], [0.0; 3], [0.0, 0.0, 1.0]];
+        if dim == 3 {
+            j[2] = [0.0; 3];
+        }
+        for (node, g) in nodes.zip(gradients) {
+            for d in 0..dim {
+                for e in 0..dim {
+                    j[d][e] += node[d] * g[e];
+                }
             }
         }
+        let cofactors = [cross(j[1], j[2]), cross(j[2], j[0]), cross(j[0], j[1])];
+        let det = dot(j[0], cofactors[0]);
+        Self { cofactors, det }
     }
-    let cofactor = |r: usize, c: usize| {
-        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
-        j[r1][c1] * j[r2][c2] - j[r1][c2] * j[r2][c1]
-    };
-    let det: f64 = (0..3).map(|c| j[0][c] * cofactor(0, c)).sum();
-    let cofactors: [[f64; 3]; 3] = std::array::from_fn(|d| std::array::from_fn(|e| cofactor(d, e)));
-    for g in gradient.iter_mut().take(kind.num_nodes()) {
-        let reference = *g;
-        for d in 0..dim {
-            g[d] = (0..dim).map(|e| cofactors[d][e] * reference[e]).sum::<f64>() / det;
-        }
+
+    /// The gradient of a function from that in reference coordinates.
+    pub(super) fn gradient(&self, reference: [f64; 3]) -> [f64; 3] {
+        let [x, y, z] = self.cofactors;
+        [
+            dot(x, reference) / self.det,
+            dot(y, reference) / self.det,
+            dot(z, reference) / self.det,
+        ]
     }
-    (value, gradient, det)
 }

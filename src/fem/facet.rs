@@ -1,7 +1,7 @@
 //! Integration over facets of the boundary.
 
 use super::Mesh;
-use super::element::{MAX_NODES, Reference};
+use super::element::{MAX_FACET, Reference, Sample};
 use super::mesh::{cross, norm};
 
 /// Calls `f(point, shape values, weight × measure)` at the quadrature points of a facet.
@@ -16,8 +16,8 @@ pub(super) fn integrate_with_normals(
     mut f: impl FnMut([f64; 3], &[f64], f64, [f64; 3]),
 ) {
     let (dim, reference) = (mesh.dim(), Reference::of_facet(mesh.dim(), nodes.len()));
-    for (x, weight) in reference.quadrature() {
-        let here = Place::of(reference, mesh.points(), nodes, x);
+    for sample in &reference.table().quadrature {
+        let here = Place::of(&sample.value, &sample.gradient, mesh.points(), nodes);
         let area = here.area(dim);
         let measure = norm(area);
         let normal = match dim {
@@ -26,8 +26,8 @@ pub(super) fn integrate_with_normals(
         };
         f(
             here.at,
-            &here.shape[..nodes.len()],
-            weight * measure,
+            &sample.value,
+            sample.weight * measure,
             normal.map(|n| n / measure),
         );
     }
@@ -35,9 +35,9 @@ pub(super) fn integrate_with_normals(
 
 fn over_facet(dim: usize, points: &[[f64; 3]], nodes: &[usize], mut f: impl FnMut([f64; 3], &[f64], f64)) {
     let reference = Reference::of_facet(dim, nodes.len());
-    for (x, weight) in reference.quadrature() {
-        let here = Place::of(reference, points, nodes, x);
-        f(here.at, &here.shape[..nodes.len()], weight * norm(here.area(dim)));
+    for sample in &reference.table().quadrature {
+        let here = Place::of(&sample.value, &sample.gradient, points, nodes);
+        f(here.at, &sample.value, sample.weight * norm(here.area(dim)));
     }
 }
 
@@ -54,14 +54,16 @@ fn over_parts(
     mut f: impl FnMut(usize, [f64; 3], &[f64], f64),
 ) {
     let reference = Reference::of_facet(dim, nodes.len());
-    let (rule, corners) = (reference.quadrature(), reference.linear().points());
+    let (rule, corners) = (&reference.table().quadrature, reference.linear().points());
     let k = corners.len();
     let mut add = |corner: usize, x: [f64; 3], weight: f64| {
-        let here = Place::of(reference, points, nodes, x);
+        let (mut shape, mut gradient) = ([0.0; MAX_FACET], [[0.0; 3]; MAX_FACET]);
+        reference.functions(x, &mut shape, &mut gradient);
+        let here = Place::of(&shape, &gradient, points, nodes);
         f(
             corner,
             here.at,
-            &here.shape[..nodes.len()],
+            &shape[..nodes.len()],
             weight * norm(here.area(dim)),
         );
     };
@@ -69,7 +71,7 @@ fn over_parts(
         if reference.is_simplex() {
             // Corner, middle of an edge, centroid: six triangles of a sixth of the area.
             for other in [(corner + 1) % 3, (corner + 2) % 3] {
-                for (x, weight) in &rule {
+                for Sample { at: x, weight, .. } in rule {
                     let mut l = [x[1] / 3.0; 3];
                     l[corner] += 1.0 - x[0] - x[1] + 0.5 * x[0];
                     l[other] += 0.5 * x[0];
@@ -78,7 +80,7 @@ fn over_parts(
             }
         } else {
             // The facet shrunk by half towards its corner.
-            for (x, weight) in &rule {
+            for Sample { at: x, weight, .. } in rule {
                 let x = std::array::from_fn(|d| 0.5 * (x[d] + corners[corner][d]));
                 add(corner, x, weight / k as f64);
             }
@@ -90,9 +92,9 @@ fn over_parts(
 pub(super) fn area_in_space(points: &[[f64; 3]], nodes: &[usize]) -> [f64; 3] {
     let reference = Reference::of_facet(3, nodes.len());
     let mut sum = [0.0; 3];
-    for (x, weight) in reference.quadrature() {
-        let area = Place::of(reference, points, nodes, x).area(3);
-        (0..3).for_each(|d| sum[d] += weight * area[d]);
+    for sample in &reference.table().quadrature {
+        let area = Place::of(&sample.value, &sample.gradient, points, nodes).area(3);
+        (0..3).for_each(|d| sum[d] += sample.weight * area[d]);
     }
     sum
 }
@@ -100,13 +102,12 @@ pub(super) fn area_in_space(points: &[[f64; 3]], nodes: &[usize]) -> [f64; 3] {
 /// A point of a facet, with its tangents along the reference coordinates.
 struct Place {
     at: [f64; 3],
-    shape: [f64; MAX_NODES],
     tangents: [[f64; 3]; 2],
 }
 
 impl Place {
-    fn of(reference: Reference, points: &[[f64; 3]], nodes: &[usize], x: [f64; 3]) -> Self {
-        let (shape, gradient) = reference.functions(x);
+    /// From values and reference gradients of the shape functions there.
+    fn of(shape: &[f64], gradient: &[[f64; 3]], points: &[[f64; 3]], nodes: &[usize]) -> Self {
         let (mut at, mut tangents) = ([0.0; 3], [[0.0; 3]; 2]);
         for (a, &node) in nodes.iter().enumerate() {
             for d in 0..3 {
@@ -115,7 +116,7 @@ impl Place {
                 tangents[1][d] += gradient[a][1] * points[node][d];
             }
         }
-        Self { at, shape, tangents }
+        Self { at, tangents }
     }
 
     /// A vector of the length or area per unit of the reference facet; in space it is normal to the facet.

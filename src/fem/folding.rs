@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::element::{MAX_NODES, map_cell};
+use super::element::Jacobian;
 use super::{CellKind, FemError, Mesh};
 
 /// Share of the largest Jacobian determinant of a cell up to which it is flat: rounding of its terms.
@@ -25,7 +25,7 @@ impl Mesh {
             let least = FLAT * high.abs();
             if low.0 > least && kind.order() == 2 {
                 let way = determinants.entry(kind).or_insert_with(|| Determinant::of(kind));
-                low = way.below(&self.nodes_at(cell), least).unwrap_or(low);
+                low = way.below(self.nodes_at(cell), least).unwrap_or(low);
             }
             if low.0 <= least {
                 return Err(self.folded(cell, low));
@@ -35,9 +35,9 @@ impl Mesh {
     }
 
     fn folded(&self, cell: usize, (determinant, x): (f64, [f64; 3])) -> FemError {
-        let (shape, _) = self.kind(cell).reference().functions(x);
+        let shape = self.kind(cell).reference().sample(x, 0.0).value;
         let mut at = [0.0; 3];
-        for (node, s) in self.nodes_at(cell).iter().zip(shape) {
+        for (node, s) in self.nodes_at(cell).zip(shape) {
             (0..3).for_each(|d| at[d] += s * node[d]);
         }
         FemError::Jacobian {
@@ -51,17 +51,16 @@ impl Mesh {
     /// The smallest Jacobian determinant at the nodes of a cell, the reference coordinates of its node, and the largest.
     fn at_nodes(&self, cell: usize) -> ((f64, [f64; 3]), f64) {
         let kind = self.kind(cell);
-        let nodes = self.nodes_at(cell);
         let probes = if kind.has_constant_strain() {
             1
         } else {
             kind.num_nodes()
         };
         let (mut low, mut high) = ((f64::INFINITY, [0.0; 3]), f64::NEG_INFINITY);
-        for x in &kind.reference().points()[..probes] {
-            let (_, _, det) = map_cell(kind, &nodes[..kind.num_nodes()], *x);
+        for sample in &kind.reference().table().nodes[..probes] {
+            let det = Jacobian::of(kind.dim(), self.nodes_at(cell), &sample.gradient).det;
             if det < low.0 {
-                low = (det, *x);
+                low = (det, sample.at);
             }
             high = high.max(det);
         }
@@ -79,6 +78,8 @@ struct Determinant {
     count: usize,
     /// Values of the Bernstein polynomials at equidistant points, inverted.
     inverse: Vec<Vec<f64>>,
+    /// Reference gradients of the shape functions at these points of the cell.
+    gradients: Vec<Vec<[f64; 3]>>,
 }
 
 /// A box of the unit cube: its lower corner, its sides as powers of ½, and the coefficients of the determinant there.
@@ -107,16 +108,24 @@ impl Determinant {
             }
             row
         };
-        Self {
+        let mut way = Self {
             kind,
             dim,
             count: degree + 1,
             inverse: inverse((0..=degree).map(polynomials).collect()),
-        }
+            gradients: Vec::new(),
+        };
+        let n = way.count;
+        let gradient = |k: usize| {
+            let place = [k % n, k / n % n, k / (n * n)].map(|i| i as f64 / degree as f64);
+            kind.reference().sample(way.reference(place), 0.0).gradient
+        };
+        way.gradients = (0..n.pow(dim as u32)).map(gradient).collect();
+        way
     }
 
     /// A determinant not above `least`, with its reference coordinates; `None` if all of them are above.
-    fn below(&self, nodes: &[[f64; 3]; MAX_NODES], least: f64) -> Option<(f64, [f64; 3])> {
+    fn below(&self, nodes: impl Iterator<Item = [f64; 3]> + Clone, least: f64) -> Option<(f64, [f64; 3])> {
         let mut parts = vec![Part {
             low: [0.0; 3],
             halves: [0; 3],
@@ -145,14 +154,10 @@ impl Determinant {
         None
     }
 
-    fn coefficients(&self, nodes: &[[f64; 3]; MAX_NODES]) -> Vec<f64> {
+    fn coefficients(&self, nodes: impl Iterator<Item = [f64; 3]> + Clone) -> Vec<f64> {
         let n = self.count;
-        let mut values = Vec::with_capacity(n.pow(self.dim as u32));
-        for k in 0..n.pow(self.dim as u32) {
-            let place = [k % n, k / n % n, k / (n * n)].map(|i| i as f64 / (n - 1) as f64);
-            let x = self.reference(place);
-            values.push(map_cell(self.kind, &nodes[..self.kind.num_nodes()], x).2);
-        }
+        let determinant = |g: &Vec<[f64; 3]>| Jacobian::of(self.dim, nodes.clone(), g).det;
+        let mut values: Vec<f64> = self.gradients.iter().map(determinant).collect();
         for axis in 0..self.dim {
             let old = values.clone();
             self.for_lines(axis, |line| {

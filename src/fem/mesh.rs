@@ -1,7 +1,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::FemError;
-use super::element::{CellKind, MAX_NODES, Reference};
+use super::element::{CellKind, Reference};
 use super::facet::area_in_space;
 use super::order::completed;
 use super::tokens::shorten;
@@ -226,12 +226,8 @@ impl Mesh {
     }
 
     /// Positions of the nodes of a cell.
-    pub(super) fn nodes_at(&self, cell: usize) -> [[f64; 3]; MAX_NODES] {
-        let mut at = [[0.0; 3]; MAX_NODES];
-        for (at, &node) in at.iter_mut().zip(self.cell(cell)) {
-            *at = self.points[node];
-        }
-        at
+    pub(super) fn nodes_at(&self, cell: usize) -> impl Iterator<Item = [f64; 3]> + Clone + '_ {
+        self.cell(cell).iter().map(|&node| self.points[node])
     }
 
     /// Mean of a cell's nodes.

@@ -56,8 +56,9 @@ impl<'a> Side<'a> {
         let (centre, measure) = (mean(points.iter().copied()), norm(area));
         let far = |c: &[f64; 3]| norm(difference(*c, centre));
         let hats = |x: &[f64; 3]| {
-            let (values, _) = reference.linear().functions(*x);
-            [0, 1, 2, 3].map(|k| values[k])
+            let (mut values, mut slopes) = ([0.0; 4], [[0.0; 3]; 4]);
+            reference.linear().functions(*x, &mut values, &mut slopes);
+            values
         };
         Self {
             nodes,
@@ -91,8 +92,10 @@ impl<'a> Side<'a> {
 
     /// Shape values at reference coordinates.
     fn shape(&self, x: [f64; 2]) -> [f64; MAX_FACET] {
-        let (values, _) = self.reference.functions([x[0], x[1], 0.0]);
-        std::array::from_fn(|k| values[k])
+        let (mut values, mut slopes) = ([0.0; MAX_FACET], [[0.0; 3]; MAX_FACET]);
+        self.reference
+            .functions([x[0], x[1], 0.0], &mut values, &mut slopes);
+        values
     }
 
     /// Whether the other facet may lie opposite this one, along its normal and not further than `reach`.

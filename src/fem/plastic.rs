@@ -96,7 +96,7 @@ impl PlasticBody {
         let mut first = vec![0];
         for cell in 0..mesh.num_cells() {
             let kind = mesh.kind(cell);
-            points.add(kind, &mesh.nodes_at(cell), kind.is_box(), false);
+            points.add(kind, mesh.nodes_at(cell), kind.is_box(), false);
             first.push(points.len());
         }
         Ok(Self {

@@ -3,7 +3,7 @@
 use super::ElasticSystem;
 use super::cell_points::Points;
 use super::derivatives::Tensor;
-use super::element::{CellKind, MAX_NODES};
+use super::element::CellKind;
 
 /// Number of cell shapes whose stiffness is cached.
 const SHAPES: usize = 256;
@@ -13,7 +13,8 @@ const SHAPES: usize = 256;
 pub(super) struct Elements<'a> {
     system: &'a ElasticSystem,
     tensors: Vec<Tensor>,
-    known: Vec<Option<(Shape, ElementMatrix)>>,
+    known: Vec<(Shape, ElementMatrix)>,
+    shape: Shape,
     other: ElementMatrix,
     work: Work,
 }
@@ -26,29 +27,19 @@ struct Work {
     stresses: Vec<[f64; 6]>,
 }
 
-/// A material, and nodes relative to the first one.
-#[derive(Clone, Copy)]
+/// A material, and nodes relative to the first one (in bodies of revolution where they are). Of the cells of one dimension, their number
+/// tells the kind; there are none where nothing is known yet.
+#[derive(Default, PartialEq)]
 struct Shape {
-    kind: CellKind,
     material: usize,
-    nodes: [[f64; 3]; MAX_NODES],
-}
-
-impl PartialEq for Shape {
-    fn eq(&self, other: &Self) -> bool {
-        self.kind == other.kind && self.material == other.material && self.nodes() == other.nodes()
-    }
+    nodes: Vec<[f64; 3]>,
 }
 
 impl Shape {
-    fn nodes(&self) -> &[[f64; 3]] {
-        &self.nodes[..self.kind.num_nodes()]
-    }
-
     /// Its index in the cache.
     fn place(&self) -> usize {
         let mut hash = self.material as u64;
-        for x in self.nodes().as_flattened() {
+        for x in self.nodes.as_flattened() {
             hash = (hash.rotate_left(5) ^ x.to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         }
         (hash >> 32) as usize % SHAPES
@@ -61,6 +52,7 @@ impl<'a> Elements<'a> {
             system,
             tensors: (0..system.materials.len()).map(|m| system.tensor(m)).collect(),
             known: Vec::new(),
+            shape: Shape::default(),
             other: ElementMatrix::default(),
             work: Work::default(),
         }
@@ -72,41 +64,35 @@ impl<'a> Elements<'a> {
             return &self.system.attached[k].matrix;
         }
         let (mesh, material) = (&self.system.mesh, self.system.material_of[cell]);
-        let (kind, mut nodes) = (mesh.kind(cell), mesh.nodes_at(cell));
+        let (kind, shape) = (mesh.kind(cell), &mut self.shape);
         let mean = self.system.mean_dilatation[material] && kind.is_box();
         let (work, tensor, revolved) = (&mut self.work, &self.tensors[material], self.system.is_revolved());
+        shape.material = material;
+        shape.nodes.clear();
+        shape.nodes.extend(mesh.nodes_at(cell));
         if !revolved {
-            let origin = nodes[0];
-            for node in &mut nodes[..kind.num_nodes()] {
+            let origin = shape.nodes[0];
+            for node in &mut shape.nodes {
                 (0..3).for_each(|d| node[d] -= origin[d]);
             }
         }
-        let mut compute = |element: &mut ElementMatrix| {
+        let mut compute = |element: &mut ElementMatrix, nodes: &[[f64; 3]]| {
             work.points.clear();
-            work.points.add(kind, &nodes, mean, revolved);
+            work.points.add(kind, nodes.iter().copied(), mean, revolved);
             element.compute(kind, tensor, work);
         };
         // In bodies of revolution shapes recur, but not at the same radius.
         if revolved || kind.has_constant_strain() {
-            compute(&mut self.other);
+            compute(&mut self.other, &shape.nodes);
             return &self.other;
         }
-        let shape = Shape {
-            kind,
-            material,
-            nodes,
-        };
         if self.known.is_empty() {
-            self.known.resize_with(SHAPES, || None);
+            self.known.resize_with(SHAPES, Default::default);
         }
-        let (known, element) = self.known[shape.place()].get_or_insert_with(|| {
-            let mut element = ElementMatrix::default();
-            compute(&mut element);
-            (shape, element)
-        });
-        if *known != shape {
-            compute(element);
-            *known = shape;
+        let (known, element) = &mut self.known[shape.place()];
+        if known != shape {
+            compute(element, &shape.nodes);
+            std::mem::swap(known, shape);
         }
         element
     }
@@ -147,14 +133,18 @@ impl ElementMatrix {
                 work.strains.extend((0..dim).map(|d| share.column(d)));
             }
             let stress = |strain: &[f64; 6]| {
-                tensor.map(|row| point.volume * (0..6).map(|s| row[s] * strain[s]).sum::<f64>())
+                let mut stress = [0.0; 6];
+                for (stress, row) in stress.iter_mut().zip(tensor) {
+                    *stress = point.volume * sum_of_products(row, strain);
+                }
+                stress
             };
             work.stresses.clear();
             work.stresses.extend(work.strains.iter().map(stress));
             for (col, stress) in work.stresses.iter().enumerate() {
                 let values = &mut self.values[col * self.order..][..=col];
                 for (value, strain) in values.iter_mut().zip(&work.strains) {
-                    *value += (0..6).map(|s| strain[s] * stress[s]).sum::<f64>();
+                    *value += sum_of_products(strain, stress);
                 }
             }
         }
@@ -169,4 +159,9 @@ impl ElementMatrix {
             }
         }
     }
+}
+
+/// Written out, as iterators are calls where the optimiser does little.
+fn sum_of_products(a: &[f64; 6], b: &[f64; 6]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 }

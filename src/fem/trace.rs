@@ -1,5 +1,5 @@
 use super::assembly::{PRESCRIBED, pattern};
-use super::element::map_cell;
+use super::element::Jacobian;
 use super::facet::{integrate, integrate_parts};
 use super::mesh::by_position;
 use super::springs::Coupled;
@@ -39,17 +39,20 @@ impl<'a> TraceSpace<'a> {
         let mut gram = Matrix::zeros(pattern(Coupled::cells(mesh), 1, &dofs, free)?);
         for cell in 0..mesh.num_cells() {
             let kind = mesh.kind(cell);
-            let at = mesh.nodes_at(cell);
             let nodes = mesh.cell(cell);
-            for (x, weight) in kind.reference().quadrature() {
-                let (value, gradient, det) = map_cell(kind, &at[..nodes.len()], x);
+            let mut gradient = Vec::with_capacity(nodes.len());
+            for sample in &kind.reference().table().quadrature {
+                let map = Jacobian::of(kind.dim(), mesh.nodes_at(cell), &sample.gradient);
+                gradient.clear();
+                gradient.extend(sample.gradient.iter().map(|g| map.gradient(*g)));
+                let (value, volume) = (&sample.value, sample.weight * map.det);
                 for (b, &nb) in nodes.iter().enumerate() {
                     for (a, &na) in nodes.iter().enumerate() {
                         if dofs[na] == PRESCRIBED || dofs[nb] == PRESCRIBED {
                             continue;
                         }
                         let stiff: f64 = (0..mesh.dim()).map(|d| gradient[a][d] * gradient[b][d]).sum();
-                        gram.add(dofs[na], dofs[nb], weight * det * (stiff + value[a] * value[b]));
+                        gram.add(dofs[na], dofs[nb], volume * (stiff + value[a] * value[b]));
                     }
                 }
             }
