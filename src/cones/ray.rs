@@ -10,7 +10,6 @@ use super::{Cone, ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay};
 use crate::clock::Deadline;
 use crate::complementarity::{AffineFunction, McpFunction};
 use crate::exact::Exact;
-use crate::judge::equilibrate;
 use crate::sparse::{Matrix, dot, max_abs, norm};
 
 /// Parts of the largest component of a direction below which other ones are dropped in turn.
@@ -60,7 +59,7 @@ pub(super) fn ray(
             return Ok(None);
         };
         let alone = ConeProblem::new(&function as &dyn McpFunction, cones)?;
-        if let Some(mut found) = ray_in_units(&alone, search, &part_of(x))? {
+        if let Some(mut found) = ray_of_block(&alone, search, &part_of(x))? {
             let mut direction = vec![0.0; x.len()];
             members
                 .iter()
@@ -74,7 +73,7 @@ pub(super) fn ray(
 }
 
 /// M and q of an affine F.
-fn coefficients(problem: &ConeProblem<&dyn McpFunction>, x: &[f64]) -> (Matrix, Vec<f64>) {
+pub(super) fn coefficients(problem: &ConeProblem<&dyn McpFunction>, x: &[f64]) -> (Matrix, Vec<f64>) {
     let (f, mut q) = (problem.function(), vec![0.0; x.len()]);
     let mut matrix = Matrix::zeros(f.pattern());
     f.jacobian(x, &mut matrix);
@@ -82,71 +81,20 @@ fn coefficients(problem: &ConeProblem<&dyn McpFunction>, x: &[f64]) -> (Matrix, 
     (matrix, q)
 }
 
-/// The certificate of a block in units of its cones, in which its coefficients are of one size: only there sizes of x can be compared.
-fn ray_in_units(
+/// A certificate found in units of the cones, for the problem itself. Its radius is at least the one found there, times the smallest unit.
+pub(super) fn ray_out_of_units(
     problem: &ConeProblem<&dyn McpFunction>,
-    search: &mut Search<'_>,
-    x: &[f64],
+    (matrix, q): (&Matrix, &[f64]),
+    ray: ConeRay,
+    (rows, columns): (&[f64], &[f64]),
 ) -> Result<Option<ConeRay>, ConeError> {
-    let (matrix, q) = coefficients(problem, x);
-    let (rows, columns) = units(problem, &matrix)?;
-    let entries: Vec<_> = matrix
-        .triplets()
-        .map(|(i, j, v)| (i, j, v * rows[i] * columns[j]))
-        .collect();
-    let constants: Vec<f64> = q.iter().zip(&rows).map(|(q, r)| q * r).collect();
-    let exact = matrix
-        .triplets()
-        .zip(&entries)
-        .all(|(a, b)| b.2 / rows[a.0] / columns[a.1] == a.2)
-        && q.iter().zip(&constants).zip(&rows).all(|((q, c), r)| c / r == *q);
-    if !exact {
-        // Sizes cannot be compared.
-        return Ok(ray_of_block(problem, search, x)?.filter(|ray| ray.radius == f64::INFINITY));
-    }
-    let function = AffineFunction::new(Matrix::from_triplets(x.len(), x.len(), &entries)?, constants);
-    let Ok(function) = function else {
-        return Ok(None);
-    };
-    let scaled = ConeProblem::new(&function as &dyn McpFunction, problem.cones().to_vec())?;
-    let start: Vec<f64> = x.iter().zip(&columns).map(|(x, c)| x / c).collect();
-    let Some(ray) = ray_of_block(&scaled, search, &start)? else {
-        return Ok(None);
-    };
-    let direction = ray.direction.iter().zip(&rows).map(|(v, r)| v * r).collect();
-    let Some(mut found) = certificate(problem, &matrix, &q, direction)? else {
+    let direction = ray.direction.iter().zip(rows).map(|(v, r)| v * r).collect();
+    let Some(mut found) = certificate(problem, matrix, q, direction)? else {
         return Ok(None);
     };
     let least = columns.iter().fold(f64::INFINITY, |m, c| m.min(*c));
     found.radius = found.radius.max(ray.radius * least);
     Ok(Some(found))
-}
-
-/// Factors of F and of x, powers of two and the same within a cone that is no product, that bring the largest entries of M near 1.
-fn units(
-    problem: &ConeProblem<&dyn McpFunction>,
-    matrix: &Matrix,
-) -> Result<(Vec<f64>, Vec<f64>), ConeError> {
-    let mut group = Vec::with_capacity(matrix.nrows());
-    let mut count = 0;
-    for (cone, range) in problem.blocks() {
-        for i in range.clone() {
-            let own = matches!(cone, Cone::Nonnegative(_) | Cone::Free(_));
-            count += usize::from(own || i == range.start);
-            group.push(count - 1);
-        }
-    }
-    let mut largest = std::collections::BTreeMap::new();
-    for (i, j, v) in matrix.triplets() {
-        let entry = largest.entry((group[i], group[j])).or_insert(0.0_f64);
-        *entry = entry.max(v.abs());
-    }
-    let entries: Vec<_> = largest.into_iter().map(|((i, j), v)| (i, j, v)).collect();
-    let sizes = Matrix::from_triplets(count, count, &entries)?;
-    let (mut rows, mut columns, mut room) = (vec![1.0; count], vec![1.0; count], vec![0.0; count]);
-    equilibrate(sizes.as_ref(), &mut rows, &mut columns, &mut room);
-    let powers = |factors: &[f64]| group.iter().map(|&g| factors[g].log2().round().exp2()).collect();
-    Ok((powers(&rows), powers(&columns)))
 }
 
 /// A certificate as far inside of its cones as it can lie, if the problem is monotone, else the one of least

@@ -1,14 +1,16 @@
 use std::cell::Cell;
 use std::ops::ControlFlow;
 
-use super::equations::check_memory;
-use super::ray::{Search, ray};
+use super::central::is_monotone;
+use super::equations::{check_memory, owners, parts};
+use super::ray::{Search, coefficients, ray, ray_out_of_units};
 use super::run::{Run, between};
 use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay, ConeReport};
 use crate::clock::Deadline;
-use crate::complementarity::{AffineFunction, McpFunction};
+use crate::complementarity::{AffineFunction, InUnits, McpFunction};
+use crate::judge::{Sizes, Units};
 use crate::run::Status;
-use crate::sparse::{Matrix, Pattern, dot, norm};
+use crate::sparse::{Matrix, Pattern, dot, max_abs, norm};
 
 /// Semismooth Newton method for cone problems.
 ///
@@ -19,6 +21,10 @@ use crate::sparse::{Matrix, Pattern, dot, norm};
 /// converges globally for monotone F with regular systems. Where this fails, interior points for other F, proximal points
 /// (R. T. Rockafellar, 1976), for monotone F whose solutions are not unique, and other starts follow ([`ConeOptions::strategies`]); for
 /// affine F a certificate is sought.
+///
+/// Affine problems are solved in units of their own, the same for all units of the problem that differ by powers of two in each cone.
+/// Merits of the history are in these units. Units of F that differ from those of x from cone to cone may hide that a problem is monotone;
+/// where it is found, which is nearly always, such a run is the same, too.
 #[derive(Debug, Clone, Default)]
 pub struct ConeSolver {
     options: ConeOptions,
@@ -64,8 +70,49 @@ impl ConeSolver {
         check_memory(problem, self.options.max_memory)?;
         let counted = Counted::new(problem.function());
         let problem = ConeProblem::new(&counted as &dyn McpFunction, problem.cones().to_vec())?;
+        let mut report = match problem.function().is_affine() {
+            true => self.solve_affine(&problem, x, &mut observe)?,
+            false => self.run(&problem, x, &mut observe)?,
+        };
+        report.evaluations = counted.evaluations.get();
+        Ok(report)
+    }
+
+    /// An affine problem is solved in units of its own.
+    fn solve_affine(
+        &self,
+        problem: &ConeProblem<&dyn McpFunction>,
+        x: &mut [f64],
+        observe: &mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
+    ) -> Result<ConeReport, ConeError> {
+        let (matrix, q) = coefficients(problem, x);
+        let Some((rows, columns)) = units(problem, &matrix, &q)? else {
+            return self.run(problem, x, observe);
+        };
+        let function = InUnits::new(*problem.function(), &rows, &columns, Vec::new());
+        let scaled = ConeProblem::new(&function as &dyn McpFunction, problem.cones().to_vec())?;
+        x.iter_mut().zip(&columns).for_each(|(x, unit)| *x /= unit);
+        let mut report = self.run(&scaled, x, observe)?;
+        x.iter_mut().zip(&columns).for_each(|(x, unit)| *x *= unit);
+        report.residual = problem.natural_residual(x, &mut vec![0.0; x.len()])?;
+        report.ray = match report.ray.take() {
+            Some(ray) => ray_out_of_units(problem, (&matrix, &q), ray, (&rows, &columns))?,
+            None => None,
+        };
+        if report.status == Status::NoSolution && report.ray.is_none() {
+            report.status = Status::Stalled;
+        }
+        Ok(report)
+    }
+
+    fn run(
+        &self,
+        problem: &ConeProblem<&dyn McpFunction>,
+        x: &mut [f64],
+        observe: &mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
+    ) -> Result<ConeReport, ConeError> {
         let deadline = Deadline::after(self.options.max_time);
-        let mut run = Run::new(&problem, &self.options, deadline, &mut observe)?;
+        let mut run = Run::new(problem, &self.options, deadline, observe)?;
         let status = run.all_starts(x)?;
         let mut report = run.report;
         report.status = status;
@@ -90,10 +137,10 @@ impl ConeSolver {
                 observe: &mut tell,
                 inner_only: false,
             };
-            let found = ray(&problem, &mut search, parts, x)?;
+            let found = ray(problem, &mut search, parts, x)?;
             problem.function().value(x, &mut room);
             report.ray = match found {
-                Some(ray) if refutes(&ray, &room) && !ends_at_solution(&ray, &problem)? => Some(ray),
+                Some(ray) if refutes(&ray, &room) && !ends_at_solution(&ray, problem)? => Some(ray),
                 _ => None,
             };
             if report.ray.is_some() {
@@ -102,8 +149,70 @@ impl ConeSolver {
                 report.status = Status::Interrupted;
             }
         }
-        report.evaluations = counted.evaluations.get();
         Ok(report)
+    }
+}
+
+/// Most parts of a problem for which monotone units are sought among those that differ by a factor of two at one or two parts: at most 73 of
+/// them (`units::cone_problems`).
+const FEW: usize = 6;
+
+/// Factors of F and of x, powers of two and the same within a cone that is no product; `None` where the problem is solved as it is.
+fn units(
+    problem: &ConeProblem<&dyn McpFunction>,
+    matrix: &Matrix,
+    q: &[f64],
+) -> Result<Option<(Vec<f64>, Vec<f64>)>, ConeError> {
+    let parts = parts(problem).0;
+    let owner = owners(&parts);
+    let mut found = Units::default();
+    let mut factors = |keep_ratios: bool| {
+        let other = found.find(&Sizes {
+            owner: Some(&owner),
+            blocks: parts.len(),
+            matrix,
+            constant: &|k| max_abs(&q[parts[k].range.clone()]),
+            bound: &|_| 0.0,
+            keep_ratios,
+        });
+        let powers =
+            |exponents: &[i64]| -> Vec<f64> { owner.iter().map(|&k| (exponents[k] as f64).exp2()).collect() };
+        other.then(|| (powers(&found.rows), powers(&found.unknowns)))
+    };
+    let Some((rows, columns)) = factors(false) else {
+        return Ok(None);
+    };
+    // Interior points need a monotone problem: one in other units is sought nearby, and what is one stays one.
+    let monotone = |rows: &[f64]| {
+        let mut scaled = matrix.clone();
+        scaled.scale(rows, &columns);
+        is_monotone(&scaled)
+    };
+    if monotone(&rows)? {
+        return Ok(Some((rows, columns)));
+    }
+    let few = if parts.len() <= FEW { parts.len() } else { 0 };
+    let moves: Vec<(usize, f64)> = (0..few).flat_map(|k| [(k, 2.0), (k, 0.5)]).collect();
+    let multiply = |rows: &mut [f64], (k, factor): (usize, f64)| {
+        rows[parts[k].range.clone()].iter_mut().for_each(|r| *r *= factor);
+    };
+    let pairs = (0..moves.len()).flat_map(|b| (0..=b).map(move |a| (a, b)));
+    for (a, b) in (0..moves.len())
+        .map(|a| (a, a))
+        .chain(pairs.filter(|p| p.0 != p.1))
+    {
+        let mut near = rows.clone();
+        multiply(&mut near, moves[a]);
+        if a != b {
+            multiply(&mut near, moves[b]);
+        }
+        if monotone(&near)? {
+            return Ok(Some((near, columns)));
+        }
+    }
+    match is_monotone(matrix)? {
+        true => Ok(factors(true)),
+        false => Ok(Some((rows, columns))),
     }
 }
 

@@ -300,6 +300,15 @@ impl Matrix {
         self.stray = None;
     }
 
+    /// R A C with diagonal R and C.
+    pub(crate) fn scale(&mut self, rows: &[f64], columns: &[f64]) {
+        for (j, column) in columns.iter().enumerate() {
+            for e in self.pattern.col_ptr()[j]..self.pattern.col_ptr()[j + 1] {
+                self.values[e] *= rows[self.pattern.row_idx()[e]] * column;
+            }
+        }
+    }
+
     /// Multiplies column j by `factors[j]`.
     pub(crate) fn scale_columns(&mut self, factors: &[f64]) {
         for (j, factor) in factors.iter().enumerate() {

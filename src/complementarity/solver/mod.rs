@@ -29,7 +29,7 @@ use crate::clock::Clock;
 use crate::piecewise::{PiecewiseSmooth, RegularityOptions, regularity_report};
 use crate::sparse::Pattern;
 use engine::Engine;
-use units::{InUnits, Units};
+use units::Units;
 use work::Work;
 
 /// Solves mixed complementarity problems from any start.
@@ -256,7 +256,8 @@ impl McpSolver {
         clock: Clock,
     ) -> Option<(usize, usize)> {
         units.enter(x);
-        let function = InUnits::new(problem.function, units);
+        let point = std::mem::take(units.point());
+        let function = units.function(problem.function, point);
         let (lower, upper) = units.bounds();
         let scaled = Parts {
             function: &function,
@@ -265,7 +266,7 @@ impl McpSolver {
             ..*problem
         };
         let stray = self.run_in_units(&scaled, work, x, states, observe, clock);
-        function.end(units);
+        *units.point() = function.end();
         units.leave(problem, x, &mut work.here.f, &mut self.report);
         stray
     }

@@ -1,27 +1,27 @@
 //! Affine problems are solved in units in which neither their coefficients nor their solutions are large or small: a run is the same to
 //! the last bit in all units of F and of x that differ by powers of two.
 
-use std::cell::RefCell;
-
 use super::{McpReport, Parts};
+use crate::complementarity::InUnits;
 use crate::complementarity::McpFunction;
 use crate::complementarity::problem::natural;
-use crate::judge::power_below;
-use crate::sparse::{Matrix, Pattern};
+use crate::judge::{Sizes, Units as Exponents};
+use crate::sparse::{Matrix, max_abs};
 
-/// Powers of two by which F is multiplied and x is divided, and bounds in these units.
+/// Powers of two by which the components of F are multiplied and those of x are divided, and bounds in these units.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Units {
-    rows: f64,
-    unknowns: f64,
+    exponents: Exponents,
+    rows: Vec<f64>,
+    unknowns: Vec<f64>,
     lower: Vec<f64>,
     upper: Vec<f64>,
     point: Vec<f64>,
+    own: bool,
 }
 
 impl Units {
-    /// Those of an affine problem: the largest coefficient becomes 1 up to a factor of two, and so does the largest of what bounds and, row
-    /// by row, the constants beside the coefficients say about x. `jac` and `constants` receive ∇F and F(0).
+    /// Those of an affine problem. `jac` and `constants` receive ∇F and F(0).
     pub(super) fn find(&mut self, problem: &Parts<'_>, jac: &mut Matrix, constants: &mut Vec<f64>) {
         let n = problem.lower.len();
         self.point.clear();
@@ -31,38 +31,38 @@ impl Units {
         problem.function.value(&self.point, constants);
         jac.clear();
         problem.function.jacobian(&self.point, jac);
-        self.lower.clear();
-        self.lower.resize(n, 0.0);
-        let rows = &mut self.lower;
-        jac.triplets()
-            .for_each(|(i, _, v)| rows[i] = rows[i].max(v.abs()));
-        let largest = rows.iter().fold(0.0_f64, |m, v| m.max(*v));
-        let shares = rows.iter().zip(&*constants).filter(|e| *e.0 > 0.0);
-        let bounds = problem
-            .lower
-            .iter()
-            .chain(problem.upper)
-            .filter(|b| b.is_finite());
-        let size = { shares }.fold(0.0_f64, |m, (row, q)| m.max(q.abs() / row));
-        let size = bounds.fold(size, |m, b| m.max(b.abs()));
-        self.unknowns = power_below(size);
-        self.rows = (power_below(largest) * self.unknowns).recip();
-        if !self.rows.is_normal() {
-            (self.rows, self.unknowns) = (1.0, 1.0);
+        let bound = |i: usize| {
+            let both = [problem.lower[i], problem.upper[i]].into_iter();
+            both.filter(|b| b.is_finite())
+                .fold(0.0_f64, |m, b| m.max(b.abs()))
+        };
+        self.own = !self.exponents.find(&Sizes {
+            owner: None,
+            blocks: n,
+            matrix: jac,
+            constant: &|i| constants[i],
+            bound: &bound,
+            keep_ratios: false,
+        });
+        if self.own {
+            return;
         }
-        self.set(problem.lower, problem.upper);
-    }
-
-    fn set(&mut self, lower: &[f64], upper: &[f64]) {
-        for (to, from) in [(&mut self.lower, lower), (&mut self.upper, upper)] {
+        for (to, from) in [
+            (&mut self.rows, &self.exponents.rows),
+            (&mut self.unknowns, &self.exponents.unknowns),
+        ] {
             to.clear();
-            to.extend(from.iter().map(|b| b / self.unknowns));
+            to.extend(from.iter().map(|k| (*k as f64).exp2()));
+        }
+        for (to, from) in [(&mut self.lower, problem.lower), (&mut self.upper, problem.upper)] {
+            to.clear();
+            to.extend(from.iter().zip(&self.unknowns).map(|(b, unit)| b / unit));
         }
     }
 
     /// Whether nothing changes.
     pub(super) fn are_own(&self) -> bool {
-        self.rows == 1.0 && self.unknowns == 1.0
+        self.own
     }
 
     pub(super) fn bounds(&self) -> (&[f64], &[f64]) {
@@ -71,67 +71,31 @@ impl Units {
 
     /// x in these units.
     pub(super) fn enter(&self, x: &mut [f64]) {
-        x.iter_mut().for_each(|x| *x /= self.unknowns);
+        x.iter_mut().zip(&self.unknowns).for_each(|(x, unit)| *x /= unit);
     }
 
     /// A point of these units and its report in those of the problem.
     pub(super) fn leave(&self, problem: &Parts<'_>, x: &mut [f64], f: &mut [f64], report: &mut McpReport) {
-        x.iter_mut().for_each(|x| *x *= self.unknowns);
+        x.iter_mut().zip(&self.unknowns).for_each(|(x, unit)| *x *= unit);
         problem.function.value(x, f);
         measure(report, x, f, problem.lower, problem.upper);
-    }
-}
-
-/// F in other units.
-pub(super) struct InUnits<'a> {
-    pub(super) function: &'a dyn McpFunction,
-    pub(super) units: (f64, f64),
-    point: RefCell<Vec<f64>>,
-}
-
-impl<'a> InUnits<'a> {
-    pub(super) fn new(function: &'a dyn McpFunction, units: &mut Units) -> Self {
-        Self {
-            function,
-            units: (units.rows, units.unknowns),
-            point: RefCell::new(std::mem::take(&mut units.point)),
-        }
+        // Rows with these weights add to a contradiction: the larger the unit of a row, the smaller its weight.
+        let certificate = &mut report.certificate;
+        certificate
+            .iter_mut()
+            .zip(&self.rows)
+            .for_each(|(v, unit)| *v *= unit);
+        let largest = max_abs(certificate);
+        certificate.iter_mut().for_each(|v| *v /= largest);
     }
 
-    /// Gives the buffer back.
-    pub(super) fn end(self, units: &mut Units) {
-        units.point = self.point.into_inner();
-    }
-}
-
-impl McpFunction for InUnits<'_> {
-    fn num_vars(&self) -> usize {
-        self.function.num_vars()
+    /// F in these units.
+    pub(super) fn function<'a>(&'a self, function: &'a dyn McpFunction, point: Vec<f64>) -> InUnits<'a> {
+        InUnits::new(function, &self.rows, &self.unknowns, point)
     }
 
-    fn value(&self, x: &[f64], out: &mut [f64]) {
-        let mut point = self.point.borrow_mut();
-        point.clear();
-        point.extend(x.iter().map(|x| x * self.units.1));
-        self.function.value(&point, out);
-        out.iter_mut().for_each(|f| *f *= self.units.0);
-    }
-
-    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
-        let mut point = self.point.borrow_mut();
-        point.clear();
-        point.extend(x.iter().map(|x| x * self.units.1));
-        self.function.jacobian(&point, jac);
-        let factor = self.units.0 * self.units.1;
-        jac.values_mut().iter_mut().for_each(|v| *v *= factor);
-    }
-
-    fn pattern(&self) -> Pattern {
-        self.function.pattern()
-    }
-
-    fn is_affine(&self) -> bool {
-        self.function.is_affine()
+    pub(super) fn point(&mut self) -> &mut Vec<f64> {
+        &mut self.point
     }
 }
 

@@ -3,6 +3,7 @@ use std::cell::Cell;
 use super::DelassusProblem;
 use super::cone::natural_residual;
 use crate::judge::laws::coulomb;
+use crate::judge::power_below;
 use crate::sparse::max_abs;
 
 /// A vector of blocks, one a contact.
@@ -11,8 +12,9 @@ pub(super) type Block<const D: usize> = [[f64; D]; D];
 
 /// A problem in scaled variables and block storage: the mean diagonal entry of each contact is 1 and ‖q‖∞ is 1.
 ///
-/// With S = diag(s_i) one positive factor a contact and σ = ‖S q‖∞ the scaled problem is S M S, S q / σ, with r = σ S r̃ and
-/// u = σ S⁻¹ ũ: cones and the law are invariant under this scaling.
+/// With S = diag(s_i) one positive factor a contact, ω a power of two, and σ = ‖ω S q‖∞ the scaled problem is ω S M S, ω S q / σ, with
+/// r = σ S r̃ and u = (σ/ω) S⁻¹ ũ: cones and the law are invariant under this scaling. Problems whose units differ by powers of two become
+/// the same one to the last bit: roots are taken of numbers near 1 that do not depend on units.
 #[derive(Debug, Clone)]
 pub(super) struct ScaledProblem<const D: usize> {
     pub(super) friction: Vec<f64>,
@@ -99,11 +101,11 @@ impl<const D: usize> BlockMatrix<D> {
         self.row[range.clone()].iter().copied().zip(&self.blocks[range])
     }
 
-    /// S M S.
-    fn scale(&mut self, s: &[f64]) {
+    /// ω S M S.
+    fn scale(&mut self, s: &[f64], unit: f64) {
         for j in 0..s.len() {
             for k in self.col_ptr[j]..self.col_ptr[j + 1] {
-                let factor = s[self.row[k]] * s[j];
+                let factor = unit * s[self.row[k]] * s[j];
                 let entries = self.blocks[k].iter_mut().flatten();
                 entries.for_each(|v| *v *= factor);
             }
@@ -187,19 +189,28 @@ impl<const D: usize> ScaledProblem<D> {
                 .filter(|d| *d > 0.0)
                 .unwrap_or(1.0)
         };
-        let scale: Vec<f64> = means
-            .into_iter()
-            .map(|d| if d > 1e-13 * largest { d } else { ordinary }.sqrt().recip())
+        let means: Vec<f64> = { means.into_iter() }
+            .map(|d| if d > 0.0 { d } else { ordinary })
             .collect();
-        matrix.scale(&scale);
+        // Whether exponents are even depends on the units of M, differences do not. The first one counts as odd.
+        let first = means.first().map_or(0.0, |d| power_below(*d).log2()) - 1.0;
+        let scale: Vec<f64> = { means.iter() }
+            .map(|d| {
+                let half = ((power_below(*d).log2() - first) / 2.0).floor();
+                let rest = d * (-first - 2.0 * half).exp2();
+                rest.sqrt().recip() * (-half).exp2()
+            })
+            .collect();
+        let unit = (-first).exp2();
+        matrix.scale(&scale, unit);
         let (q, _) = problem.q().as_chunks::<D>();
-        let sigma = (q.iter().zip(&scale)).fold(0.0, |m, (q, s)| larger(m, &q.map(|v| s * v)));
+        let sigma = (q.iter().zip(&scale)).fold(0.0, |m, (q, s)| larger(m, &q.map(|v| unit * s * v)));
         let sigma = if sigma > 0.0 { sigma } else { 1.0 };
         Self {
             friction: problem.friction().to_vec(),
             q: q.iter()
                 .zip(&scale)
-                .map(|(q, s)| q.map(|v| s * v / sigma))
+                .map(|(q, s)| q.map(|v| unit * s * v / sigma))
                 .collect(),
             matrix,
             scale,
@@ -355,6 +366,7 @@ mod tests {
             let m = Matrix::from_triplets(n, n, &m).unwrap();
             let problem = DelassusProblem::new(3, m, q, vec![0.5; nc]).unwrap();
             let p = ScaledProblem::<3>::new(&problem);
+            let unit = p.q[0][0] * p.sigma / p.scale[0] / problem.q()[0];
             let blocks: Vec<(usize, usize)> = (0..nc)
                 .flat_map(|j| p.matrix.column(j).map(move |(i, _)| (i, j)))
                 .collect();
@@ -375,7 +387,7 @@ mod tests {
             p.velocities(&p.scale(&r), &mut u);
             let expected = problem.velocities(&r).unwrap();
             for (i, expected) in expected.iter().enumerate() {
-                let found = u[i / 3][i % 3] * p.sigma / p.scale[i / 3];
+                let found = u[i / 3][i % 3] * p.sigma / p.scale[i / 3] / unit;
                 assert!(
                     (found - expected).abs() < 1e-13 * 100.0,
                     "case {case}: {found} {expected}"
