@@ -31,9 +31,7 @@
 //!   neither constants nor terms from outside.
 //!
 //! The *parts* are the strongly connected components of J among the unknowns that do not rest at bounds. The largest error in this sense is
-//! [`McpReport::error`]. It does not change with the units of rows and unknowns: affine problems are solved in units of their own, so that
-//! a run is the same to the last bit in all units that differ by powers of two, row by row and unknown by unknown (problems that begin with
-//! active sets keep theirs for these). Far out more is asked: where J is singular in the part of a
+//! [`McpReport::error`]. It does not change with the units of rows and unknowns. Far out more is asked: where J is singular in the part of a
 //! row, |fᵢ| and the rounding of the terms together must not exceed √τ of the constants, as along the kernel of J every residual is small
 //! relative to its terms. Where J is regular there, beyond rounding, and the same elsewhere (F is affine), 1e-20 x₀ = 1, x₀ − x₁ = 1 is
 //! solved. Where F is curved, terms count only if they stay the same, up to a factor of two, when the components of x change to one side by

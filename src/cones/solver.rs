@@ -22,9 +22,9 @@ use crate::sparse::{Matrix, Pattern, dot, max_abs, norm};
 /// (R. T. Rockafellar, 1976), for monotone F whose solutions are not unique, and other starts follow ([`ConeOptions::strategies`]); for
 /// affine F a certificate is sought.
 ///
-/// Affine problems are solved in units of their own, the same for all units of the problem that differ by powers of two in each cone.
-/// Merits of the history are in these units. Units of F that differ from those of x from cone to cone may hide that a problem is monotone;
-/// where it is found, which is nearly always, such a run is the same, too.
+/// Affine problems are solved in units of their own, the same for all units of the problem that differ by one power of two for each cone
+/// and one more for F: merits of the history are in these units. Units of F that differ from those of x from cone to cone hide that a
+/// problem is monotone; units in which it is are sought.
 #[derive(Debug, Clone, Default)]
 pub struct ConeSolver {
     options: ConeOptions,
@@ -179,10 +179,13 @@ fn units(
             |exponents: &[i64]| -> Vec<f64> { owner.iter().map(|&k| (exponents[k] as f64).exp2()).collect() };
         other.then(|| (powers(&found.rows), powers(&found.unknowns)))
     };
+    // Interior points need a monotone problem: what is one stays one, and of others one in other units is sought nearby.
+    if is_monotone(matrix)? {
+        return Ok(factors(true));
+    }
     let Some((rows, columns)) = factors(false) else {
         return Ok(None);
     };
-    // Interior points need a monotone problem: one in other units is sought nearby, and what is one stays one.
     let monotone = |rows: &[f64]| {
         let mut scaled = matrix.clone();
         scaled.scale(rows, &columns);
@@ -210,10 +213,7 @@ fn units(
             return Ok(Some((near, columns)));
         }
     }
-    match is_monotone(matrix)? {
-        true => Ok(factors(true)),
-        false => Ok(Some((rows, columns))),
-    }
+    Ok(Some((rows, columns)))
 }
 
 /// Part of the constant that counts as near 0 beside it.

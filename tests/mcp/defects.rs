@@ -231,16 +231,14 @@ fn singular_jacobians_at_solutions_need_no_help() {
 
 #[test]
 fn rank_deficient_monotone_problems_take_few_iterations() {
-    // M = b bᵀ + skew part, q from a known solution with degenerate components; in units of F in which terms are of the size of x, as the
-    // absolute bound of `solve` needs.
+    // M = b bᵀ + skew part, q from a known solution with degenerate components.
     let n = 40;
     let b: Vec<f64> = (0..n).map(|i| ((i * 7 + 3) % 11) as f64 - 5.0).collect();
     let rows: Vec<Vec<f64>> = (0..n)
         .map(|i| {
             (0..n)
                 .map(|j| {
-                    let skew = ((i as f64) - (j as f64)) * 0.1 * f64::from(u8::from((i + j) % 3 == 0));
-                    (b[i] * b[j] + skew) / 32.0
+                    b[i] * b[j] + ((i as f64) - (j as f64)) * 0.1 * f64::from(u8::from((i + j) % 3 == 0))
                 })
                 .collect()
         })
@@ -249,7 +247,7 @@ fn rank_deficient_monotone_problems_take_few_iterations() {
     let q: Vec<f64> = (0..n)
         .map(|i| {
             let mx: f64 = rows[i].iter().zip(&known).map(|(m, x)| m * x).sum();
-            if i % 3 == 1 { 1.0 / 32.0 - mx } else { -mx }
+            if i % 3 == 1 { 1.0 - mx } else { -mx }
         })
         .collect();
     let problem = Mcp::affine(matrix(&rows), q, vec![0.0; n], vec![INF; n]).unwrap();

@@ -5,13 +5,12 @@ use super::{McpReport, Parts};
 use crate::complementarity::InUnits;
 use crate::complementarity::McpFunction;
 use crate::complementarity::problem::natural;
-use crate::judge::{Sizes, Units as Exponents};
+use crate::judge::power_below;
 use crate::sparse::{Matrix, max_abs};
 
-/// Powers of two by which the components of F are multiplied and those of x are divided, and bounds in these units.
+/// Powers of two by which F is multiplied and x is divided, the same for all components, and bounds in these units.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Units {
-    exponents: Exponents,
     rows: Vec<f64>,
     unknowns: Vec<f64>,
     lower: Vec<f64>,
@@ -21,7 +20,8 @@ pub(super) struct Units {
 }
 
 impl Units {
-    /// Those of an affine problem. `jac` and `constants` receive ∇F and F(0).
+    /// Those of an affine problem: the largest coefficient becomes 1 up to a factor of two, and so does the largest of what bounds and, row
+    /// by row, the constants beside the coefficients say about x. `jac` and `constants` receive ∇F and F(0).
     pub(super) fn find(&mut self, problem: &Parts<'_>, jac: &mut Matrix, constants: &mut Vec<f64>) {
         let n = problem.lower.len();
         self.point.clear();
@@ -31,32 +31,31 @@ impl Units {
         problem.function.value(&self.point, constants);
         jac.clear();
         problem.function.jacobian(&self.point, jac);
-        let bound = |i: usize| {
-            let both = [problem.lower[i], problem.upper[i]].into_iter();
-            both.filter(|b| b.is_finite())
-                .fold(0.0_f64, |m, b| m.max(b.abs()))
+        self.rows.clear();
+        self.rows.resize(n, 0.0);
+        let rows = &mut self.rows;
+        jac.triplets()
+            .for_each(|(i, _, v)| rows[i] = rows[i].max(v.abs()));
+        let largest = rows.iter().fold(0.0_f64, |m, v| m.max(*v));
+        let shares = rows.iter().zip(&*constants).filter(|e| *e.0 > 0.0);
+        let bounds = { problem.lower.iter().chain(problem.upper) }.filter(|b| b.is_finite());
+        let size = { shares }.fold(0.0_f64, |m, (row, q)| m.max(q.abs() / row));
+        let size = bounds.fold(size, |m, b| m.max(b.abs()));
+        let unknown = power_below(size);
+        // Where F is constant, its values are what there is to compare.
+        let values = match largest > 0.0 {
+            true => power_below(largest) * unknown,
+            false => power_below(max_abs(constants)),
         };
-        self.own = !self.exponents.find(&Sizes {
-            owner: None,
-            blocks: n,
-            matrix: jac,
-            constant: &|i| constants[i],
-            bound: &bound,
-            keep_ratios: false,
-        });
-        if self.own {
-            return;
-        }
-        for (to, from) in [
-            (&mut self.rows, &self.exponents.rows),
-            (&mut self.unknowns, &self.exponents.unknowns),
-        ] {
+        let row = values.recip();
+        self.own = !row.is_normal() || (row == 1.0 && unknown == 1.0);
+        for (to, unit) in [(&mut self.rows, row), (&mut self.unknowns, unknown)] {
             to.clear();
-            to.extend(from.iter().map(|k| (*k as f64).exp2()));
+            to.resize(n, unit);
         }
         for (to, from) in [(&mut self.lower, problem.lower), (&mut self.upper, problem.upper)] {
             to.clear();
-            to.extend(from.iter().zip(&self.unknowns).map(|(b, unit)| b / unit));
+            to.extend(from.iter().map(|b| b / unknown));
         }
     }
 
@@ -79,14 +78,6 @@ impl Units {
         x.iter_mut().zip(&self.unknowns).for_each(|(x, unit)| *x *= unit);
         problem.function.value(x, f);
         measure(report, x, f, problem.lower, problem.upper);
-        // Rows with these weights add to a contradiction: the larger the unit of a row, the smaller its weight.
-        let certificate = &mut report.certificate;
-        certificate
-            .iter_mut()
-            .zip(&self.rows)
-            .for_each(|(v, unit)| *v *= unit);
-        let largest = max_abs(certificate);
-        certificate.iter_mut().for_each(|v| *v /= largest);
     }
 
     /// F in these units.

@@ -12,7 +12,7 @@ pub(super) enum Cone {
     Large,
 }
 
-/// Subsets of facets that are examined.
+/// Most subsets of facets; more are not even begun, as each takes time that grows with the cube of the dimension.
 const MOST: usize = 20_000;
 /// Components of unit vectors up to this size are rounding errors of kernels computed by orthogonal transformations.
 const ROUNDING: f64 = 1e-10;
@@ -84,7 +84,10 @@ fn extreme_rays(
     if pick > normals.len() {
         return Some(rays);
     }
-    for _ in 0..MOST {
+    if combinations(normals.len(), pick).is_none_or(|count| count > MOST) {
+        return None;
+    }
+    loop {
         let mut fixed: Vec<Vec<f64>> = chosen.iter().map(|&k| normals[k].clone()).collect();
         fixed.extend(known.iter().cloned());
         if let [ray] = complement(dimension, &fixed).as_slice() {
@@ -105,12 +108,17 @@ fn extreme_rays(
             chosen[j] = chosen[j - 1] + 1;
         }
     }
-    None
+}
+
+/// The number of ways to choose `pick` of `all`, if it can be counted.
+fn combinations(all: usize, pick: usize) -> Option<usize> {
+    let pick = pick.min(all.checked_sub(pick)?);
+    (0..pick).try_fold(1_usize, |count, k| Some(count.checked_mul(all - k)? / (k + 1)))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Cone, cone};
+    use super::{Cone, combinations, cone};
 
     fn normals<const N: usize>(list: &[[f64; N]]) -> Vec<Vec<f64>> {
         let unit = |v: &[f64; N]| -> Vec<f64> { v.iter().map(|x| x / crate::sparse::norm(v)).collect() };
@@ -139,6 +147,28 @@ mod tests {
         assert_eq!(rays(ray), 1);
         let origin = cone(2, &normals(&[[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]]));
         assert_eq!(rays(origin), 0);
+    }
+
+    /// Pascal's triangle; what would take for ever is not begun.
+    #[test]
+    fn subsets_are_counted_before_they_are_examined() {
+        for n in 1..30 {
+            for k in 1..n {
+                let above = combinations(n - 1, k - 1).unwrap() + combinations(n - 1, k).unwrap();
+                assert_eq!(combinations(n, k).unwrap(), above, "{n} {k}");
+            }
+        }
+        assert_eq!(combinations(200, 100), None);
+        let facets: Vec<Vec<f64>> = (0..120_usize)
+            .map(|k| {
+                (0..60_usize)
+                    .map(|j| (((k * 61 + 1) * (j * 7 + 3)) as f64).sin())
+                    .collect()
+            })
+            .collect();
+        let unit = |v: &Vec<f64>| v.iter().map(|x| x / crate::sparse::norm(v)).collect();
+        let facets: Vec<Vec<f64>> = facets.iter().map(unit).collect();
+        assert!(matches!(cone(60, &facets), Cone::Large));
     }
 
     /// The edges of an octant bound a cone of three dimensions; opposite facets leave a face or an edge of it.
