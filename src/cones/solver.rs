@@ -153,6 +153,9 @@ impl ConeSolver {
     }
 }
 
+/// Factors of F and of x, component by component.
+type Factors = (Vec<f64>, Vec<f64>);
+
 /// Most parts of a problem for which monotone units are sought among those that differ by a factor of two at one or two parts: at most 73 of
 /// them (`units::cone_problems`).
 const FEW: usize = 6;
@@ -162,7 +165,7 @@ fn units(
     problem: &ConeProblem<&dyn McpFunction>,
     matrix: &Matrix,
     q: &[f64],
-) -> Result<Option<(Vec<f64>, Vec<f64>)>, ConeError> {
+) -> Result<Option<Factors>, ConeError> {
     let parts = parts(problem).0;
     let owner = owners(&parts);
     let mut found = Units::default();
