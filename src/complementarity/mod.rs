@@ -89,11 +89,11 @@ pub use differences::{Differenced, JacobianCheck, check_jacobian};
 pub use error::ComplementarityError;
 pub use fischer::FischerBurmeister;
 pub use function::{McpFunction, WithJacobian};
-#[cfg(feature = "autodiff")]
 pub(crate) use in_units::InUnits;
 pub use kkt::{ConstraintKind, Kkt, Program, kkt};
 pub use lcp::Lcp;
 pub use normal::NormalMap;
+#[cfg(feature = "autodiff")]
 pub(crate) use problem::check_bounds;
 pub use problem::{AtParameter, Mcp};
 pub(crate) use scratch::Scratch;
