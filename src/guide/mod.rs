@@ -34,6 +34,7 @@
 //! | derivatives of a solution in parameters | [`Solution::sensitivity`](crate::Solution::sensitivity) | `ss.solve_mcp(..., params=p)`, `ss.sensitivity(F, x, p)` |
 //! | derivatives of a contact solution in loads, gaps, friction, materials, positions | [`Contact::sensitivity`](crate::contact::Contact::sensitivity) | `solution.sensitivity(...)` |
 //! | many problems at once | [`sweep`](crate::sweep::sweep) | a leading dimension of `M`, `q`, `params` |
+//! | eigenvalues and Hopf points along a curve of equilibria | [`stability`](crate::stability) | |
 //! | f(x(p), p) minimised over p | [`minimise`](crate::minimise) | `ss.minimise(f, F, ...)` |
 //! | contact from a mesh | [`contact_problem`](crate::contact_problem) | `ss.ContactProblem(...)` |
 //!
