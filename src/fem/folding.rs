@@ -23,7 +23,8 @@ impl Mesh {
             let kind = self.kind(cell);
             let (mut low, high) = self.at_nodes(cell);
             let least = FLAT * high.abs();
-            if low.0 > least && kind.order() == 2 {
+            // Of simplices and quadrilaterals of first order the determinants at the corners are all that is to know.
+            if low.0 > least && Determinant::degree(kind) > 1 {
                 let way = determinants.entry(kind).or_insert_with(|| Determinant::of(kind));
                 low = way.below(self.nodes_at(cell), least).unwrap_or(low);
             }
@@ -90,14 +91,17 @@ struct Part {
 }
 
 impl Determinant {
+    /// The degree along each axis: derivatives of the map are of one less than its order along their own axis and, in boxes, of its order
+    /// along the others.
+    const fn degree(kind: CellKind) -> usize {
+        match kind.reference().is_simplex() {
+            true => kind.dim() * (kind.order() - 1),
+            false => kind.dim() * kind.order() - 1,
+        }
+    }
+
     fn of(kind: CellKind) -> Self {
-        let dim = kind.dim();
-        // Derivatives of the map along an axis are of degree 1 in it, and in boxes of degree 2 in the others.
-        let degree = if kind.reference().is_simplex() {
-            dim
-        } else {
-            2 * dim - 1
-        };
+        let (dim, degree) = (kind.dim(), Self::degree(kind));
         let polynomials = |i: usize| {
             let t = i as f64 / degree as f64;
             let mut row = vec![1.0];

@@ -503,6 +503,22 @@ fn folded_cells_are_refused() {
     // dx/dξ = 1 + 4 (1 − 2 ξ) wave is least at an end: 1 − 2 |depth| there.
     assert!(swept(0.49).is_ok());
     folded(swept(0.51));
+    // Of first order, found by a search: above 0.14 at all corners, and −13/64 in the middle of the edge upwards from the second.
+    let hexahedron = [
+        [-0.5, -2.0, -1.5],
+        [1.5, 0.0, -2.0],
+        [1.0, 0.5, -1.0],
+        [0.0, 0.5, -0.5],
+        [-0.5, -0.5, 1.0],
+        [0.0, -0.5, 0.0],
+        [2.0, 0.0, 1.5],
+        [-1.5, 1.0, 1.5],
+    ];
+    folded(Mesh::new(
+        3,
+        hexahedron.to_vec(),
+        [(CellKind::Hexahedron, (0..8).collect())],
+    ));
     let square = Mesh::rectangle([0.0; 2], [1.0; 2], [2, 1]).unwrap();
     let mut cells = vec![(CellKind::Quadrilateral, square.cell(0).to_vec())];
     let second = square.second_order().unwrap();
