@@ -306,11 +306,24 @@ impl Mesh {
             .map(|f| f.nodes)
             .collect();
         let number = chosen.len();
-        self.facet_groups.entry(name.into()).or_default().extend(chosen);
+        self.join_facets(name.into(), chosen);
         number
     }
 
-    /// Adds facets, given by their nodes, to a group. Those of second order may be given by their corners alone.
+    /// Facets are in a group once, in whatever order of their nodes they are given: loads and areas count each once.
+    fn join_facets(&mut self, group: String, facets: Vec<Vec<usize>>) {
+        let dim = self.dim;
+        let corners = |f: &Vec<usize>| {
+            key(f
+                .iter()
+                .copied()
+                .take(Reference::of_facet(dim, f.len()).num_corners()))
+        };
+        join(self.facet_groups.entry(group).or_default(), facets, corners);
+    }
+
+    /// Adds facets, given by their nodes, to a group; those in it already are not added again. Facets of second order may be given by their
+    /// corners alone.
     ///
     /// # Errors
     /// Facets with too few or too many nodes or one node twice, nodes that do not exist.
@@ -346,7 +359,7 @@ impl Mesh {
                 });
             }
         }
-        self.facet_groups.entry(name.into()).or_default().extend(facets);
+        self.join_facets(name.into(), facets);
         Ok(())
     }
 
@@ -356,11 +369,11 @@ impl Mesh {
             .filter(|&c| choose(self.centre(c)))
             .collect();
         let number = chosen.len();
-        self.cell_groups.entry(name.into()).or_default().extend(chosen);
+        join(self.cell_groups.entry(name.into()).or_default(), chosen, |c| *c);
         number
     }
 
-    /// Adds cells, given by their numbers, to a group, which is created if it does not exist.
+    /// Adds cells, given by their numbers, to a group, which is created if it does not exist; those in it already are not added again.
     ///
     /// # Errors
     /// Cells that do not exist.
@@ -371,7 +384,7 @@ impl Mesh {
                 cells: self.num_cells(),
             });
         }
-        self.cell_groups.entry(name.into()).or_default().extend(cells);
+        join(self.cell_groups.entry(name.into()).or_default(), cells, |c| *c);
         Ok(())
     }
 
@@ -424,6 +437,12 @@ impl Mesh {
         self.facet_groups = facets;
         self.cell_groups = cells;
     }
+}
+
+/// Adds to a group what it does not hold yet, in the order given.
+pub(super) fn join<T, K: Ord>(group: &mut Vec<T>, more: Vec<T>, key: impl Fn(&T) -> K) {
+    let mut known: std::collections::BTreeSet<K> = group.iter().map(&key).collect();
+    group.extend(more.into_iter().filter(|new| known.insert(key(new))));
 }
 
 pub(super) fn lookup<'a, T>(

@@ -1,6 +1,6 @@
 //! Named groups of nodes, and the nodes of supports.
 
-use super::mesh::{NodeGroups, check_nodes, lookup};
+use super::mesh::{NodeGroups, check_nodes, join, lookup};
 use super::{FemError, Mesh};
 
 impl Mesh {
@@ -41,14 +41,15 @@ impl Mesh {
 
     /// Adds the nodes for which `choose(position)` is true to a group, in the order of their numbers. Returns how many there are.
     pub fn mark_nodes(&mut self, name: impl Into<String>, choose: impl Fn([f64; 3]) -> bool) -> usize {
-        let name = name.into();
         let chosen: Vec<usize> = (0..self.num_nodes())
             .filter(|&n| choose(self.points()[n]))
             .collect();
         let count = chosen.len();
-        let group = self.node_groups_mut().entry(name).or_default();
-        let known: std::collections::BTreeSet<usize> = group.iter().copied().collect();
-        group.extend(chosen.into_iter().filter(|n| !known.contains(n)));
+        join(
+            self.node_groups_mut().entry(name.into()).or_default(),
+            chosen,
+            |n| *n,
+        );
         count
     }
 

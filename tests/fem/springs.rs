@@ -55,6 +55,26 @@ fn reactions_at_three_points_are_those_of_statics() {
     }
 }
 
+/// Facets, cells and nodes are in a group once, however often and in whatever order of their nodes they are given: loads count each once.
+#[test]
+fn groups_hold_each_member_once() {
+    let mut mesh = Mesh::rectangle([0.0; 2], [2.0, 1.0], [2, 1]).unwrap();
+    mesh.mark_boundary("top", |f| f.normal[1] > 0.5);
+    mesh.add_facet_group("top", vec![vec![3, 4], vec![4, 3]]).unwrap();
+    assert_eq!(mesh.facet_group("top").unwrap().len(), 2);
+    for _ in 0..2 {
+        assert_eq!(mesh.mark_cells("left half", |x| x[0] < 1.0), 1);
+        assert_eq!(mesh.mark_nodes("corner", |x| x == [0.0; 3]), 1);
+    }
+    mesh.add_cell_group("left half", vec![0, 1, 1]).unwrap();
+    assert_eq!(mesh.cell_group("left half").unwrap(), [0, 1]);
+    assert_eq!(mesh.node_group("corner").unwrap(), [0]);
+    let body = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap()).fix("bottom");
+    let system = body.assemble().unwrap();
+    let load = system.traction("top", |_| [0.0, -1.0, 0.0]).unwrap();
+    assert!((sum(&system, &load, 1) + 2.0).abs() < 1e-15);
+}
+
 /// Two bars of stiffness E A / L = 2 with a spring of 5 between them, on a spring of 4 at the left end: 1/4 + 1/2 + 1/5 + 1/2.
 #[test]
 fn springs_in_series_add_their_compliances() {
