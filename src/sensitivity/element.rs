@@ -14,6 +14,8 @@ const PROBES: usize = 4;
 const ALLOWANCE: f64 = 16.0;
 /// Roundings a term of a row.
 const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
+/// A width in units of |J⁻¹| |(J, ∂_θH)| |d|.
+pub(super) const WIDTH: f64 = ALLOWANCE * ROUNDINGS;
 
 /// An element of the generalised derivative of the solutions x(θ): the derivative −J⁻¹ ∂_θH (n × k) of the
 /// solutions of one selection, J being its ∂_xH. It is kept as factors of J, so that products cost one solve

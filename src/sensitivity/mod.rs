@@ -104,7 +104,7 @@ impl<P> Sensitivity<P> {
 
 impl<P: PiecewiseSmooth> Sensitivity<P> {
     /// The solution x (length n) at parameters θ (length k). It is corrected by Newton's method to rounding,
-    /// by at most 1e-5 of the largest variable.
+    /// each unknown by at most 1e-5 of the size of the terms that determine it, or of its typical size.
     ///
     /// # Errors
     /// Wrong lengths, values or derivatives that are not finite, a map without parameters or with one that

@@ -1,6 +1,6 @@
 //! A solution, the kinks it lies on, and whether the solutions nearby are one function of the parameters.
 
-use super::element::{Element, derivatives, rate, widths};
+use super::element::{Element, WIDTH, derivatives, rate, widths};
 use super::{SensitivityError, limit};
 use crate::linear::{AutoSolver, LinearError};
 use crate::piecewise::{
@@ -12,8 +12,8 @@ use crate::spread::Random;
 
 /// Steps of Newton's method that move the point given to the solution it is an approximation of.
 const STEPS: usize = 12;
-/// How far they may move it, relative to the largest of all variables and the typical size of its own:
-/// solvers stop at 1e-8 or below.
+/// How far they may move it, relative to the terms that determine each unknown and to its typical size: solvers
+/// stop at 1e-8 or below.
 const NEAR: f64 = 1e-5;
 /// Steps that are this small against the same size and do not become smaller are noise of the function.
 const NOISE: f64 = 1e-8;
@@ -258,7 +258,6 @@ fn polish(
     let mut sizes = vec![1.0; at.len()];
     map.typical_sizes(&mut sizes);
     let largest = max_abs(at);
-    sizes.iter_mut().for_each(|s| *s = s.abs().max(largest));
     let mut selection = Selection::uniform(layout.num_sites(), 0);
     let mut r = vec![0.0; n];
     let mut residual = 0.0;
@@ -280,6 +279,10 @@ fn polish(
         };
         let d = element.step(&r)?;
         let widths = element.widths(at)?;
+        if step == 0 {
+            let terms = sizes.iter_mut().zip(&widths);
+            terms.for_each(|(s, w)| *s = s.abs().max(w / WIDTH));
+        }
         at.iter_mut().zip(&d).for_each(|(x, d)| *x += d);
         let moved = |j: &usize| (at[*j] - start[*j]).abs() / sizes[*j];
         let farthest = (0..n).max_by(|a, b| moved(a).total_cmp(&moved(b))).unwrap_or(0);

@@ -146,3 +146,21 @@ fn nearly_singular_derivatives_are_doubted() {
         assert_eq!(doubted, known.is_none());
     }
 }
+
+/// Points that are no solutions are refused whatever the units of parameters: x² = 10⁻¹¹ θ at θ = 2.1·10¹¹ has the solution √2.1, and
+/// neither 5 nor 1.45 is near enough.
+#[test]
+fn large_parameters_do_not_hide_wrong_points() {
+    let map = || parametric(1, 1, |x, p| vec![x[0] * x[0] - 1e-11 * p[0]]);
+    for wrong in [5.0, 1.45] {
+        assert!(matches!(
+            Sensitivity::new(map(), &[wrong], &[2.1e11]),
+            Err(SensitivityError::NoSolution { variable: 0, .. })
+        ));
+    }
+    let root = 2.1f64.sqrt();
+    let mut found = Sensitivity::new(map(), &[root + 1e-8], &[2.1e11]).unwrap();
+    assert!((found.x()[0] - root).abs() < 1e-15);
+    let slope = found.jvp(&[1e11]).unwrap()[0];
+    assert!((slope - 0.5 / root).abs() < 1e-14);
+}
