@@ -2,8 +2,13 @@ use std::fmt;
 
 use super::StabilityError;
 use crate::linear::eigenvalues;
-use crate::sparse::Matrix;
+use crate::sparse::{Matrix, Pattern};
+use crate::spread::Random;
 use crate::words::Count;
+
+/// Matrices beside the given one whose eigenvalues tell what rounding hides, and the factor from the largest move of a real part to a bound.
+const PROBES: usize = 2;
+const ALLOWANCE: f64 = 8.0;
 
 /// Eigenvalues of a linearisation.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,13 +24,11 @@ pub struct Spectrum {
 
 impl Spectrum {
     pub(super) fn of(matrix: &Matrix) -> Result<Self, StabilityError> {
-        let mut eigenvalues = eigenvalues(matrix)?;
-        eigenvalues.sort_by(|a, b| b.0.total_cmp(&a.0).then(b.1.total_cmp(&a.1)));
-        // Backward errors of the iteration are roundings of the Frobenius norm for each row.
-        let size = matrix.values().iter().map(|v| v * v).sum::<f64>().sqrt();
-        let hidden = matrix.nrows() as f64 * f64::EPSILON * size;
-        let unstable = eigenvalues.iter().filter(|z| z.0 > hidden).count();
-        let undecided = eigenvalues.iter().filter(|z| z.0.abs() <= hidden).count();
+        let eigenvalues = sorted(matrix)?;
+        let hidden = hidden(matrix, &eigenvalues)?;
+        let pairs = || eigenvalues.iter().map(|z| z.0).zip(&hidden);
+        let unstable = pairs().filter(|(real, hidden)| *real > **hidden).count();
+        let undecided = pairs().filter(|(real, hidden)| real.abs() <= **hidden).count();
         Ok(Self {
             eigenvalues,
             unstable,
@@ -81,6 +84,45 @@ impl Spectrum {
             }
         }
     }
+}
+
+/// The eigenvalues by decreasing real parts.
+fn sorted(matrix: &Matrix) -> Result<Vec<(f64, f64)>, StabilityError> {
+    let mut all = eigenvalues(matrix)?;
+    all.sort_by(|a, b| b.0.total_cmp(&a.0).then(b.1.total_cmp(&a.1)));
+    Ok(all)
+}
+
+/// By how much rounding may move each real part. Backward errors of the iteration are roundings of the Frobenius norm for each row. They move
+/// k equal eigenvalues that share one eigenvector by their k-th root: where real parts are that near to zero for k ≤ 4, matrices that differ
+/// by such errors are tried.
+fn hidden(matrix: &Matrix, eigenvalues: &[(f64, f64)]) -> Result<Vec<f64>, StabilityError> {
+    let n = matrix.nrows();
+    let size = matrix.values().iter().map(|v| v * v).sum::<f64>().sqrt();
+    let rounding = n as f64 * f64::EPSILON * size;
+    let mut hidden = vec![rounding; n];
+    let farthest = size * (n as f64 * f64::EPSILON).powf(0.25);
+    let is_near = |z: &(f64, f64)| (rounding..=farthest).contains(&z.0.abs());
+    if !eigenvalues.iter().any(is_near) {
+        return Ok(hidden);
+    }
+    let mut random = Random::new(1);
+    for _ in 0..PROBES {
+        let errors: Vec<f64> = (0..n * n)
+            .map(|_| rounding / n as f64 * random.symmetric())
+            .collect();
+        // Of both signs: one of them moves double eigenvalues along the imaginary axis alone.
+        for sign in [1.0, -1.0] {
+            let mut moved = Matrix::zeros(Pattern::full(n, n));
+            matrix.triplets().for_each(|(i, j, v)| moved.add(i, j, v));
+            let values = moved.values_mut().iter_mut().zip(&errors);
+            values.for_each(|(v, error)| *v += sign * error);
+            for ((hidden, z), moved) in hidden.iter_mut().zip(eigenvalues).zip(sorted(&moved)?) {
+                *hidden = hidden.max(ALLOWANCE * (z.0 - moved.0).abs());
+            }
+        }
+    }
+    Ok(hidden)
 }
 
 /// |λ + μ| / (|λ| + |μ|), with the sign of the sum where that is real.

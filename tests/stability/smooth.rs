@@ -114,6 +114,40 @@ fn what_is_and_what_is_no_hopf_point() {
     }
 }
 
+/// Rounding moves k equal eigenvalues with one eigenvector by its k-th root. Blocks of Jordan in turned coordinates: with the eigenvalue 0, and
+/// with one that is negative but within that, no sign is told; farther away it is.
+#[test]
+fn equal_eigenvalues_are_told_from_rounding() {
+    // Rows of length 1, orthogonal but for rounding.
+    let turn = [[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]];
+    for (diagonal, coupled, stable) in [
+        ([0.0, 0.0, 0.0], [1.0, 1.0], None),
+        ([0.0, 0.0, -1.0], [1.0, 0.0], None),
+        ([-1e-8, -1e-8, -1.0], [1.0, 0.0], None),
+        ([-1e-6, -1e-6, -1e-6], [1.0, 1.0], None),
+        ([-1e-3, -1e-3, -1e-3], [1.0, 1.0], Some(true)),
+        ([-1e-6, -2e-6, -1.0], [0.0, 0.0], Some(true)),
+        ([1e-3, 1e-3, -1.0], [1.0, 0.0], Some(false)),
+    ] {
+        let block = |i: usize, j: usize| match j.checked_sub(i) {
+            Some(0) => diagonal[i],
+            Some(1) => coupled[i],
+            _ => 0.0,
+        };
+        let entry = |i: usize, j: usize| -> f64 {
+            let term = |k: usize, l: usize| turn[i][k] * block(k, l) * turn[j][l];
+            (0..3).map(|k| (0..3).map(|l| term(k, l)).sum::<f64>()).sum()
+        };
+        let map = parametric(3, 1, |y, _| {
+            (0..3)
+                .map(|i| entry(i, 0) * y[0] + entry(i, 1) * y[1] + entry(i, 2) * y[2])
+                .collect()
+        });
+        let found = Dynamics::new(&map).spectrum(&[0.0; 4]).unwrap();
+        assert_eq!(found.is_stable(), stable, "{diagonal:?}: {found:?}");
+    }
+}
+
 /// The chain y′ = tridiag(1, −2, 1) y of n equations has the eigenvalues −4 sin²(kπ / 2(n+1)).
 #[test]
 fn some_eigenvalues_of_large_systems() {
