@@ -38,7 +38,7 @@ pub(crate) struct MinimiseResult {
     pub(crate) subgradient: Py<PyArray1<f64>>,
     /// Its Euclidean norm.
     pub(crate) subgradient_norm: f64,
-    /// The largest norm of a gradient at an iterate, which it is compared with.
+    /// The norm of the largest components of gradients in the run, which its components are compared with one by one.
     pub(crate) gradient_norm: f64,
     /// The aggregate linearisation error.
     pub(crate) error: f64,

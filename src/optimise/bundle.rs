@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::model::{Direction, Model, Plane};
+use super::units::{self, scaled};
 use super::{BundleIteration, BundleOptions, BundleReport, BundleStep, Objective, OptimiseError};
 use crate::Cause;
 use crate::clock::Clock;
@@ -26,6 +27,8 @@ const CHANGE: f64 = 10.0;
 const RANGE: f64 = 1e10;
 /// Evaluations of one search along a direction: halving reaches rounding.
 const TRIALS: usize = 60;
+/// Rounding of a value.
+const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 
 /// A point with the value and the gradient there.
 struct Sample {
@@ -42,8 +45,10 @@ struct Found {
     full: Option<f64>,
 }
 
+/// In the units of parameters that their bounds give; what is reported is in those of the user.
 pub(super) struct Run<'a> {
-    set: &'a Polyhedron,
+    set: Polyhedron,
+    units: Vec<f64>,
     options: &'a BundleOptions,
     objective: &'a mut dyn Objective,
     clock: Clock,
@@ -56,7 +61,12 @@ pub(super) struct Run<'a> {
     counter: i32,
     /// Bound of the length of steps: CHANGE times the longest one that was good, or the first one.
     reach: f64,
-    largest_value: f64,
+    /// Length of the first step, the unit of θ where θ itself is smaller.
+    least_unit: f64,
+    /// The largest f at a point whose gradient the model has had.
+    highest: f64,
+    /// The largest |∂ᵢf| of these gradients, the unit of component i: parameters have units of their own.
+    slopes: Vec<f64>,
     report: BundleReport,
 }
 
@@ -69,17 +79,21 @@ impl<'a> Run<'a> {
     ) -> Result<Self, OptimiseError> {
         options.validate()?;
         let clock = Clock::start();
-        let point = match set.project(start)? {
+        let units = units::of(set);
+        let mut point = match set.project(start)? {
             Projection::Nearest(nearest) => nearest.x,
             Projection::Empty(certificate) => return Err(OptimiseError::EmptySet(Box::new(certificate))),
         };
+        point.iter_mut().zip(&units).for_each(|(x, s)| *x /= s);
+        let set = scaled(set, &units)?;
         let mut gradient = vec![0.0; point.len()];
-        let value = sampled(objective, &point, &mut gradient);
+        let value = sampled(objective, &units, &point, &mut gradient);
         let value = value.map_err(|source| OptimiseError::Start { source })?;
         objective.keep();
-        let step = first_step(set, options, &point);
+        let step = first_step(&set, options, &point);
         let mut run = Self {
             set,
+            units,
             options,
             objective,
             clock,
@@ -88,14 +102,16 @@ impl<'a> Run<'a> {
             first_weight: 0.0,
             counter: 0,
             reach: CHANGE * step,
-            largest_value: value.abs(),
+            least_unit: step,
+            highest: value,
+            slopes: gradient.iter().map(|g| g.abs()).collect(),
             report: BundleReport {
                 status: Status::IterationLimit,
                 value,
                 state: Vec::new(),
                 subgradient: Vec::new(),
                 subgradient_norm: 0.0,
-                gradient_norm: norm(&gradient),
+                gradient_norm: 0.0,
                 error: 0.0,
                 radius: 0.0,
                 multipliers: Multipliers::default(),
@@ -112,6 +128,7 @@ impl<'a> Run<'a> {
                 gradient,
             },
         };
+        run.note_slopes();
         run.first_weight = run.weight;
         run.model.curvature = CURVATURE * run.weight;
         run.model.add(Plane::new(run.here.gradient.clone(), 0.0, 0.0));
@@ -127,7 +144,8 @@ impl<'a> Run<'a> {
         self.report.status = status;
         self.report.value = self.here.value;
         self.report.time = self.clock.elapsed();
-        Ok((self.here.point, self.report))
+        let point = self.here.point.iter().zip(&self.units).map(|(x, s)| x * s);
+        Ok((point.collect(), self.report))
     }
 
     fn iterate(
@@ -143,21 +161,26 @@ impl<'a> Run<'a> {
             let mut line = BundleIteration {
                 index,
                 value: self.here.value,
-                subgradient_norm: direction.norm,
+                subgradient_norm: self.report.subgradient_norm,
                 error: direction.error,
                 weight: self.weight,
                 evaluations: self.report.evaluations,
                 step: BundleStep::None,
             };
-            let is_flat = direction.norm <= self.options.tolerance * self.report.gradient_norm;
-            let is_close = direction.error <= self.options.value_tolerance * self.largest_value;
-            let ended = match is_flat && is_close {
+            let is_stationary = self.is_stationary(&direction);
+            let ended = match is_stationary && self.is_short(&direction) {
                 true => Err(Status::Solved),
                 false => self.search(&direction),
             };
             match ended {
                 Ok(found) => line.step = self.take(&direction, found),
                 Err(status) => {
+                    // Rounding of f may hide what the model still promises.
+                    let is_hidden = DECREASE * direction.predicted() <= ROUNDINGS * self.here.value.abs();
+                    let status = match status {
+                        Status::Stalled if is_stationary && is_hidden => Status::Solved,
+                        status => status,
+                    };
                     self.report.history.push(line);
                     // The observer hears of the last iterate, too.
                     let _ = observe(&line);
@@ -178,11 +201,12 @@ impl<'a> Run<'a> {
         if own == 0.0 {
             return Ok(Some(Direction::none(n)));
         }
-        let size = own.max(self.options.tolerance * self.report.gradient_norm);
+        let planes = self.model.planes.iter().map(|p| norm(&p.gradient));
+        let size = own.max(self.options.tolerance * planes.fold(0.0, f64::max));
         for _ in 0..TRIALS {
             let found = self
                 .model
-                .minimum(self.set, &self.here.point, self.weight, size)?;
+                .minimum(&self.set, &self.here.point, self.weight, size)?;
             let Some(found) = found else {
                 if self.model.planes.len() == 1 {
                     break;
@@ -199,13 +223,43 @@ impl<'a> Run<'a> {
         Ok(None)
     }
 
+    /// Whether the aggregate is small against gradients, and its planes differ little from f against what f differs by, but for rounding.
+    fn is_stationary(&self, direction: &Direction) -> bool {
+        let (highest, here) = (self.highest, self.here.value);
+        let rounding = ROUNDINGS * highest.abs().max(here.abs());
+        let largest = max_abs(&self.slopes);
+        // f may not depend on a component that constraints move.
+        let most = |slope: f64| match slope > 0.0 {
+            true => self.options.tolerance * slope,
+            false => ROUNDINGS * largest,
+        };
+        let mut slopes = direction.subgradient.iter().zip(&self.slopes);
+        slopes.all(|(s, slope)| s.abs() <= most(*slope))
+            && direction.error <= self.options.value_tolerance * (highest - here) + rounding
+    }
+
+    /// Whether the model has its minimum here. A small gradient alone does not tell: against those of a start far away others are all small.
+    fn is_short(&self, direction: &Direction) -> bool {
+        let mut steps = direction.step.iter().zip(&self.here.point);
+        steps.all(|(d, x)| d.abs() <= self.options.tolerance * x.abs().max(self.least_unit))
+    }
+
     fn certify(&mut self, direction: &Direction) {
         let report = &mut self.report;
-        report.subgradient.clone_from(&direction.subgradient);
-        report.subgradient_norm = direction.norm;
+        let own = |v: &[f64]| {
+            v.iter()
+                .zip(&self.units)
+                .map(|(v, s)| v / s)
+                .collect::<Vec<f64>>()
+        };
+        report.subgradient = own(&direction.subgradient);
+        report.subgradient_norm = norm(&report.subgradient);
         report.error = direction.error;
         report.radius = direction.radius;
         report.multipliers.clone_from(&direction.multipliers);
+        for bounds in [&mut report.multipliers.lower, &mut report.multipliers.upper] {
+            *bounds = own(bounds);
+        }
     }
 
     /// f at θ + t d; `None` where it has no value or gradient.
@@ -213,7 +267,7 @@ impl<'a> Run<'a> {
         let (lower, upper) = (self.set.lower(), self.set.upper());
         let step = self.here.point.iter().zip(d).map(|(x, d)| x + t * d);
         // Bounds that are met but for rounding are met.
-        let at_bound = |x: f64, b: f64| b.is_finite() && (x - b).abs() <= 4.0 * f64::EPSILON * b.abs();
+        let at_bound = |x: f64, b: f64| b.is_finite() && (x - b).abs() <= ROUNDINGS * b.abs();
         let point: Vec<f64> = (step.zip(lower).zip(upper))
             .map(|((x, l), u)| match () {
                 () if x < *l || at_bound(x, *l) => *l,
@@ -223,7 +277,7 @@ impl<'a> Run<'a> {
             .collect();
         let mut gradient = vec![0.0; point.len()];
         self.report.evaluations += 1;
-        match sampled(self.objective, &point, &mut gradient) {
+        match sampled(self.objective, &self.units, &point, &mut gradient) {
             Ok(value) => Some(Sample {
                 point,
                 value,
@@ -241,7 +295,7 @@ impl<'a> Run<'a> {
     /// nearby that the model lacks. It ends where f is semismooth.
     fn search(&mut self, direction: &Direction) -> Result<Found, Status> {
         let d = &direction.step;
-        let predicted = direction.error - dot(d, &direction.subgradient);
+        let predicted = direction.predicted();
         let (length, here) = (norm(d), self.here.value);
         let (mut low, mut high, mut t) = (0.0, 1.0, 1.0);
         let mut found = Found {
@@ -303,7 +357,7 @@ impl<'a> Run<'a> {
 
     /// Moves, and enriches the model.
     fn take(&mut self, direction: &Direction, found: Found) -> BundleStep {
-        let predicted = direction.error - dot(&direction.step, &direction.subgradient);
+        let predicted = direction.predicted();
         let gained = found.full.map(|f| (self.here.value - f) / predicted);
         let step = match &found.best {
             None => BundleStep::Null,
@@ -324,18 +378,30 @@ impl<'a> Run<'a> {
                 self.model.learn(&d, &change, self.weight);
             }
             self.model.add(Plane::new(best.gradient.clone(), 0.0, 0.0));
-            self.largest_value = self.largest_value.max(best.value.abs());
-            self.report.gradient_norm = self.report.gradient_norm.max(norm(&best.gradient));
+            self.note(&best);
             self.here = best;
         }
         let mut error = 0.0;
         if let Some(ahead) = found.ahead {
             let d = difference(&ahead.point, &self.here.point);
             error = self.here.value - ahead.value + dot(&ahead.gradient, &d);
+            self.note(&ahead);
             self.model.add(Plane::new(ahead.gradient, error, norm(&d)));
         }
         self.reweigh(step, gained, error.abs() > CHANGE * predicted);
         step
+    }
+
+    fn note(&mut self, sample: &Sample) {
+        self.highest = self.highest.max(sample.value);
+        let slopes = self.slopes.iter_mut().zip(&sample.gradient);
+        slopes.for_each(|(largest, g)| *largest = largest.max(g.abs()));
+        self.note_slopes();
+    }
+
+    fn note_slopes(&mut self) {
+        let slopes = self.slopes.iter().zip(&self.units).map(|(g, s)| g / s);
+        self.report.gradient_norm = norm(&slopes.collect::<Vec<f64>>());
     }
 
     /// The weight after K. C. Kiwiel, Math. Program. 46 (1990): from a parabola through f at both ends of the full step, which gained that
@@ -369,9 +435,16 @@ fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-/// A value and a gradient that are finite.
-fn sampled(objective: &mut dyn Objective, point: &[f64], gradient: &mut [f64]) -> Result<f64, Cause> {
-    let value = objective.evaluate(point, gradient)?;
+/// A value and a gradient that are finite, of parameters in these units.
+fn sampled(
+    objective: &mut dyn Objective,
+    units: &[f64],
+    point: &[f64],
+    gradient: &mut [f64],
+) -> Result<f64, Cause> {
+    let point: Vec<f64> = point.iter().zip(units).map(|(x, s)| x * s).collect();
+    let value = objective.evaluate(&point, gradient)?;
+    gradient.iter_mut().zip(units).for_each(|(g, s)| *g *= s);
     match value.is_finite() && gradient.iter().all(|g| g.is_finite()) {
         true => Ok(value),
         false => Err(Cause::new(OptimiseError::NotFinite)),

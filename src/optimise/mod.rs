@@ -20,6 +20,7 @@ mod implicit;
 mod model;
 mod options;
 mod report;
+mod units;
 
 use std::ops::ControlFlow;
 

@@ -50,7 +50,6 @@ pub(super) struct Direction {
     pub(super) step: Vec<f64>,
     /// p + ν.
     pub(super) subgradient: Vec<f64>,
-    pub(super) norm: f64,
     pub(super) error: f64,
     pub(super) radius: f64,
     pub(super) multipliers: Multipliers,
@@ -64,6 +63,11 @@ impl Direction {
             subgradient: vec![0.0; n],
             ..Self::default()
         }
+    }
+
+    /// The decrease of f that the model promises.
+    pub(super) fn predicted(&self) -> f64 {
+        self.error - dot(&self.step, &self.subgradient)
     }
 }
 
@@ -257,7 +261,6 @@ impl Model {
         };
         error += set.add_normal(at, &multipliers, &mut subgradient);
         Ok(Some(Direction {
-            norm: norm(&subgradient),
             step: z[..n].iter().map(|d| unit * d).collect(),
             subgradient,
             error,

@@ -12,13 +12,16 @@ use crate::options::setters;
     serde(default, deny_unknown_fields)
 )]
 pub struct BundleOptions {
-    /// Where the run ends: the aggregate subgradient is at most this part of the largest gradient at an iterate, and also
-    /// [`value_tolerance`](Self::value_tolerance) is met. Default 1e-6; rounding in the quadratic programs ends runs at about 1e-8.
+    /// Where the run ends: each component of the aggregate subgradient is at most this part of its largest value in gradients of the run, that
+    /// of the step to the minimum of the model at most this part of |θᵢ| or of the first step (or rounding hides what it would gain), and
+    /// also [`value_tolerance`](Self::value_tolerance) is met. Default 1e-6; rounding in the quadratic programs ends runs at about 1e-8.
     pub tolerance: f64,
-    /// The aggregate linearisation error is at most this part of the largest |f| at an iterate. Default 1e-9.
+    /// The aggregate linearisation error is at most this part of what f at points of the run exceeds its least value by, but for rounding
+    /// of f. Default 1e-9.
     pub value_tolerance: f64,
-    /// Length of the first step, in the unit of θ. Default `None`: a tenth of the largest finite width of the bounds, without finite ones of
-    /// the largest |θᵢ| of the start, or of 1 where that is 0.
+    /// Length of the first step, in the unit of θ; where bounds are finite in that of the parameter with the widest ones, to which the steps of
+    /// others are in proportion as their widths, up to a factor of √2. Default `None`: a tenth of the largest finite width of the bounds,
+    /// without finite ones of the largest |θᵢ| of the start, or of 1 where that is 0.
     pub step: Option<f64>,
     /// Largest number of iterations, a quadratic program each. Default 500.
     pub max_iterations: usize,

@@ -46,7 +46,7 @@ pub struct BundleIteration {
 ///
 /// A run that is [solved](Self::is_solved) ended at a point that is stationary in the sense of F. H. Clarke to the tolerance: p + ν is small,
 /// where p is a convex combination of elements of generalised gradients, at points that are at most `radius` away, and ν is a normal of the
-/// constraints. That does not say that the point is a minimum.
+/// constraints, and the model of f that these make has its minimum there. That does not say that the point is a minimum of f.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct BundleReport {
@@ -60,7 +60,7 @@ pub struct BundleReport {
     pub subgradient: Vec<f64>,
     /// ‖p + ν‖₂.
     pub subgradient_norm: f64,
-    /// The largest Euclidean norm of a gradient at an iterate, which the norm above is compared with.
+    /// The Euclidean norm of the largest components of gradients in the run, which those of the subgradient are compared with one by one.
     pub gradient_norm: f64,
     /// By how much the linearisations that p combines differ from f, and constraints that ν combines are from active: at least 0.
     pub error: f64,

@@ -105,6 +105,111 @@ fn a_curved_valley() {
     assert!((p[0] - 1.0).abs() < 1e-2 && report.value < 1e-5, "{p:?} {report}");
 }
 
+/// A gradient that is small against that of the start says nothing: x⁴ + |x − 1| and eˣ − x have their minima at 4⁻¹ᐟ³ and 0 wherever the
+/// search begins.
+#[test]
+fn starts_far_away() {
+    let quartic: Value = |p, g| {
+        g[0] = 4.0 * p[0].powi(3) + (p[0] - 1.0).signum();
+        p[0].powi(4) + (p[0] - 1.0).abs()
+    };
+    let exponential: Value = |p, g| {
+        g[0] = p[0].exp() - 1.0;
+        p[0].exp() - p[0]
+    };
+    // A second parameter has its own course.
+    let both: Value = |p, g| {
+        g.copy_from_slice(&[p[0].exp() - 1.0, 2.0 * p[1]]);
+        p[0].exp() - p[0] + p[1] * p[1]
+    };
+    let (p, report) = run(both, &space(2), &[40.0, 1.0], BundleOptions::default());
+    assert!(!report.is_solved() || p[1].abs() < 1e-5, "{p:?} {report}");
+    for (f, best, starts) in [
+        (quartic, 0.25f64.cbrt(), [10.0, 1e3]),
+        (exponential, 0.0, [10.0, 40.0]),
+    ] {
+        for start in starts {
+            let (p, report) = run(f, &space(1), &[start], BundleOptions::default());
+            // The unit of parameters is that of the first step, a tenth of the start.
+            assert!(report.is_solved(), "{start}: {report}");
+            assert!((p[0] - best).abs() < 1e-6 * start, "{start}: {p:?} {report}");
+        }
+    }
+}
+
+/// Parameters have units of their own: in one of them a slope is not small because that in another one is large.
+#[test]
+fn slopes_are_compared_one_by_one() {
+    let sum: Value = |p, g| {
+        g.copy_from_slice(&[p[0].signum(), 1e6 * p[1].signum()]);
+        p[0].abs() + 1e6 * p[1].abs()
+    };
+    let squares: Value = |p, g| {
+        g.copy_from_slice(&[2.0 * p[0], 2e6 * p[1]]);
+        p[0] * p[0] + 1e6 * p[1] * p[1]
+    };
+    let shifted: Value = |p, g| {
+        g.copy_from_slice(&[2.0 * p[0], p[1].signum()]);
+        1e6 + p[0] * p[0] + p[1].abs()
+    };
+    // The long valley of the first one is another matter: it may not be walked to its end, but then no minimum is claimed.
+    for (f, start, ends) in [
+        (sum, [1.0, 0.7], false),
+        (squares, [1.0, 0.7], true),
+        (shifted, [5e5, 3e5], true),
+    ] {
+        let least = f(&[0.0, 0.0], &mut [0.0; 2]);
+        let (p, report) = run(f, &space(2), &start, BundleOptions::default());
+        assert!(report.is_solved() || !ends, "{report}");
+        let excess = report.value - least;
+        assert!(
+            !report.is_solved() || excess < 1e-4 * (1.0 + least.sqrt()),
+            "{p:?} {report}"
+        );
+    }
+}
+
+/// Bounds tell the units: a coefficient of friction beside Young's modulus in Pa, 2 |F − 0.37| + |F − 0.37 + E/E₀ − 1| + (E/E₀ − 1)². The course
+/// is that of E in units of a power of two, to the last bit, and so are the multipliers, where E has a bound.
+#[test]
+fn bounds_give_units() {
+    let f = |unit: f64, p: &[f64], g: &mut [f64]| {
+        let (a, b) = (p[0] - 0.37, p[1] / unit - 1.0);
+        let (s, t) = (1.0f64.copysign(a), 1.0f64.copysign(a + b));
+        g.copy_from_slice(&[2.0 * s + t, (t + 2.0 * b) / unit]);
+        Ok::<f64, Cause>(2.0 * a.abs() + (a + b).abs() + b * b)
+    };
+    let found = |unit: f64, most: f64| {
+        let set = Polyhedron::boxed(vec![0.0, 0.25 * unit], vec![1.0, most * unit]).unwrap();
+        let mut f = |p: &[f64], g: &mut [f64]| f(unit, p, g);
+        Bundle::default()
+            .minimise(&set, &[0.8, 0.3 * unit], &mut f)
+            .unwrap()
+    };
+    let e = 2.0f64.powi(37);
+    for (most, best, force) in [(1.5, 1.0, 0.0), (0.75, 0.75, 0.75)] {
+        let [(p, report), (q, scaled)] = [found(1.0, most), found(e, most)];
+        assert!(report.is_solved() && scaled.is_solved(), "{report}\n{scaled}");
+        assert!((p[0] - 0.37).abs() < 1e-6 && (p[1] - best).abs() < 1e-6, "{p:?}");
+        assert_eq!(q, [p[0], e * p[1]]);
+        assert!(force == 0.0 || report.multipliers.upper[1] > force, "{report:?}");
+        assert_eq!(scaled.multipliers.upper[1] * e, report.multipliers.upper[1]);
+        assert_eq!(scaled.subgradient[1] * e, report.subgradient[1]);
+    }
+}
+
+/// The least value may be 0, and the start a point that has it: |3 x − 0.3| + |y − 0.3| at (0.1, 0.3), where 3 x is not 0.3.
+#[test]
+fn starts_at_the_minimum() {
+    let f: Value = |p, g| {
+        let (a, b) = (3.0 * p[0] - 0.3, p[1] - 0.3);
+        g.copy_from_slice(&[3.0f64.copysign(a), 1.0f64.copysign(b)]);
+        a.abs() + b.abs()
+    };
+    let (p, report) = run(f, &space(2), &[0.1, 0.3], BundleOptions::default());
+    assert!(report.is_solved() && report.value < 1e-15, "{p:?} {report}");
+}
+
 /// The aggregate, its multipliers and radius are what they say: for a piecewise linear function over a polyhedron they are Karush–Kuhn–Tucker
 /// multipliers of the linear program.
 #[test]
