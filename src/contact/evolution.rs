@@ -182,6 +182,12 @@ impl fmt::Display for Arrival {
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum EvolutionProgress<'a> {
+    /// The search for the direction in which a branch leaves the last level, towards this one. It takes long where many nodes are at the
+    /// boundary of their cells, and ends at the limits of [`EvolutionOptions::continuation`], of which `max_time` is none by default.
+    Start {
+        /// The level that is to be reached.
+        level: f64,
+    },
     /// A point of the branch to the next level.
     Point(&'a Event),
     /// The search for a solution at a level which the branch does not reach.
@@ -448,6 +454,9 @@ fn reach<V: View, L: NodeLaw>(
         .continuation
         .clone()
         .with_parameter_range((begin.min(level), begin.max(level)));
+    if observe(&EvolutionProgress::Start { level }).is_break() {
+        return Ok(None);
+    }
     let mut way: Vec<(f64, Vec<f64>)> = Vec::new();
     let mut stopped = false;
     let branch = Continuation::new(problem, x, direction, continuation).and_then(|curve| {

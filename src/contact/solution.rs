@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::ContactState;
 use super::law::{LocalValues, MAX_TESTS, NodeLaw};
-use super::rounding::{BLURRED, SMALLEST, size_of_forces};
+use super::rounding::{BLURRED, SMALLEST, SOLVED, size_of_forces};
 use crate::words::{Count, Size};
 
 /// A solution of a contact problem, node by node: the same type for the full form, the condensed form, the fixed point and the Delassus
@@ -15,8 +15,12 @@ use crate::words::{Count, Size};
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactSolution {
-    /// Open, stick or slip.
+    /// Open, stick or slip; nodes that touch without force count as open.
     pub states: Vec<ContactState>,
+    /// Number of open nodes that touch: their forces, and r times their penetration, are below 1e-10 of the size against which the
+    /// residuals are measured. A change of the load may let them open, stick or slip.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub touching: usize,
     /// Quantities at the nodes: penetrations, slips, nodal forces.
     pub nodes: Vec<LocalValues>,
     /// Energies.
@@ -25,7 +29,7 @@ pub struct ContactSolution {
     pub residuals: ContactResiduals,
 }
 
-/// "1 open, 2 stick, 1 slips; residuals 1.0e-16 of equilibrium, …": in one line.
+/// "1 open, 2 stick, 1 slips; residuals 1.0e-16 of equilibrium, …" in one line, "2 open (1 touches without force), …" where there are such.
 impl fmt::Display for ContactSolution {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let of = |wanted: fn(&ContactState) -> bool| self.states.iter().filter(|s| wanted(s)).count();
@@ -34,6 +38,15 @@ impl fmt::Display for ContactSolution {
             of(|s| *s == ContactState::Stick),
             of(|s| s.is_slip()),
         ];
+        if self.touching > 0 {
+            let touching = Count(self.touching, "touches", "touch");
+            let rest = StateCounts(counts).closed();
+            return write!(
+                f,
+                "{} open ({touching} without force), {rest}; {}",
+                counts[0], self.residuals
+            );
+        }
         write!(f, "{}; {}", StateCounts(counts), self.residuals)
     }
 }
@@ -43,10 +56,16 @@ pub(super) struct StateCounts(pub(super) [usize; 3]);
 
 impl fmt::Display for StateCounts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [open, stick, slip] = self.0;
-        write!(
-            f,
-            "{open} open, {}, {}",
+        write!(f, "{} open, {}", self.0[0], self.closed())
+    }
+}
+
+impl StateCounts {
+    /// Those in contact, in words.
+    fn closed(&self) -> String {
+        let [_, stick, slip] = self.0;
+        format!(
+            "{}, {}",
             Count(stick, "sticks", "stick"),
             Count(slip, "slips", "slip")
         )
@@ -148,8 +167,17 @@ impl ContactSolution {
                 energy.dissipated += v.traction[d] * v.slip[d];
             }
         }
+        let mut touching = 0;
+        for (state, v) in states.iter_mut().zip(&nodes) {
+            let forces = [v.pressure, v.traction[0], v.traction[1], v.r * v.penetration];
+            if forces.iter().all(|f| f.abs() <= SOLVED * size) {
+                *state = ContactState::Open;
+                touching += 1;
+            }
+        }
         Self {
             states,
+            touching,
             nodes,
             energy,
             residuals: ContactResiduals {

@@ -217,6 +217,15 @@ impl<'a> Curve<'a> {
         }
     }
 
+    /// The unit tangent of the followed selection at `here`; `None` where it is singular.
+    pub(super) fn tangent_here(&mut self) -> Result<Option<Vec<f64>>, ContinuationError> {
+        match (self.corrector).linearize(&self.map, &self.selection, &self.here.x, None) {
+            Ok(tangent) => Ok(Some(tangent.to_vec())),
+            Err(PiecewiseError::Linear(_)) => Ok(None),
+            Err(e) => Err(e.into()),
+        }
+    }
+
     pub(super) fn emit_start(&mut self) {
         let point = self.point_here(PointKind::Start, 0);
         self.emit(Event::Point(point));

@@ -25,8 +25,9 @@ pub(crate) fn is_ordinary(size: f64) -> bool {
 const SMALLEST: f64 = 1e-100;
 
 impl<M: PiecewiseSmooth> Scaled<M> {
-    /// Scaled by the sizes given or, where there are none, by those of the map if they are far from 1. That of a parameter is taken
-    /// to be at most the largest of 1 and the bounds of `range`, so that small changes are resolved.
+    /// Scaled by the sizes given or, where there are none, by those that the map tells; where its pieces are affine, or exact coefficients
+    /// affine in α, only if they are far from 1. That of a parameter is then at most the largest of 1 and the bounds of `range`, so that
+    /// small changes are resolved.
     ///
     /// # Errors
     /// Sizes of another number than the variables, or not positive and finite.
@@ -143,20 +144,15 @@ fn sizes_of(map: &dyn PiecewiseSmooth, given: &[f64], range: (f64, f64)) -> Resu
         map.typical_sizes(&mut sizes);
     }
     check_sizes(&sizes, m)?;
-    let own = match sizes.last() {
-        Some(size) if m > map.num_residuals() => *size,
-        _ => 1.0,
-    };
     if given.is_empty() {
-        if is_ordinary(own) {
-            sizes.iter_mut().for_each(|s| *s /= own);
-        } else if let Some(parameter) = sizes.last_mut() {
-            let bounds = [range.0.abs(), range.1.abs()]
-                .into_iter()
-                .filter(|b| b.is_finite());
-            *parameter = own.min(bounds.fold(1.0, f64::max));
+        if m > map.num_residuals()
+            && let Some(parameter) = sizes.last_mut()
+        {
+            *parameter = parameter.min(range.0.abs().max(range.1.abs()).max(1.0));
         }
-        if sizes.iter().all(|s| is_ordinary(*s)) {
+        // Without curvature nothing is measured in steps, and exact coefficients are those of the map's own variables.
+        let own = map.is_piecewise_affine() || map.exact().is_some_and(ExactPieces::is_affine_in_parameter);
+        if own && sizes.iter().all(|s| is_ordinary(*s)) {
             sizes.clear();
         }
     }

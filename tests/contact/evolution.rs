@@ -151,12 +151,17 @@ fn observers_that_stop_see_nothing_more() {
     let problem = squares::pushed_block(2, 0.4).unwrap();
     let start = problem.solve(0.0, None).unwrap();
     let options = EvolutionOptions::default();
-    let mut events = 0;
-    let whole = evolve_observed(&mut problem.clone(), &start, &[0.4, 0.1], &options, |_| {
+    let (mut events, mut starts) = (0, Vec::new());
+    let whole = evolve_observed(&mut problem.clone(), &start, &[0.4, 0.1], &options, |progress| {
+        match progress {
+            EvolutionProgress::Start { level } => starts.push((events, *level)),
+            _ => assert!(events > 0, "the search at the start comes first"),
+        }
         events += 1;
         ControlFlow::Continue(())
     })
     .unwrap();
+    assert_eq!((starts.len(), starts[0], starts[1].1), (2, (0, 0.4), 0.1));
     for last in 1..=events {
         let mut seen = 0;
         let steps = evolve_observed(&mut problem.clone(), &start, &[0.4, 0.1], &options, |_| {

@@ -117,6 +117,19 @@ fn rests(found: &[Found; 3], force: f64, length: f64, what: &str) {
     }
 }
 
+/// All nodes touch the ground, and none is said to stick or to slip.
+fn touches_without_force(found: &[Found; 3], what: &str) {
+    for ((_, solution), form) in found.iter().zip(["full", "condensed", "reduced"]) {
+        let nodes = solution.nodes.len();
+        let words = format!("{nodes} open ({nodes} touch without force), 0 stick, 0 slip;");
+        assert!(
+            solution.to_string().starts_with(&words),
+            "{what}, {form}: {solution}"
+        );
+        assert_eq!((solution.touching, solution.open()), (nodes, nodes));
+    }
+}
+
 /// The laws are cones: without a gap solutions under tiny loads are multiples of that under the load, as long as numbers have all digits.
 #[test]
 fn solutions_under_tiny_loads_are_multiples() {
@@ -134,6 +147,10 @@ fn solutions_under_tiny_loads_are_multiples() {
                 1e-12 * size * part + f64::MIN_POSITIVE,
                 &what,
             );
+            match part {
+                0.0 => touches_without_force(&found, &what),
+                _ => assert!(found.iter().all(|f| f.1.touching < f.1.nodes.len()), "{what}"),
+            }
             // Below 1e-300 numbers lose digits.
             for ((u, _), (v, _)) in found.iter().zip(&whole).filter(|_| part > 1e-301) {
                 let apart = largest(u.iter().zip(v).map(|(u, v)| u - part * v));
@@ -160,12 +177,9 @@ fn a_body_whose_loads_cancel_rests() {
         for_all_laws!(dim, law => {
             let what = format!("loads that cancel in {dim} dimensions");
             // 0.1 + 0.2 exceeds 0.3 by the last digit.
-            rests(
-                &block.solve(&cancelling, 0.1 + 0.2, law, &what),
-                1e-15,
-                1e-15 / YOUNG,
-                &what,
-            );
+            let found = block.solve(&cancelling, 0.1 + 0.2, law, &what);
+            rests(&found, 1e-15, 1e-15 / YOUNG, &what);
+            touches_without_force(&found, &what);
             let what = format!("noise in {dim} dimensions");
             rests(&block.solve(&noise, 0.0, law, &what), 1e-15, 1e-15 / YOUNG, &what);
         });
@@ -188,7 +202,9 @@ fn a_body_moved_with_its_supports_rests() {
                 let (force, length) = (1e-12 * YOUNG * moved, 1e-12 * moved);
                 for_all_laws!(dim, law => {
                     let what = format!("moved by {lift} and {along} in {dim} dimensions");
-                    rests(&block.solve(&load, 1.0, law, &what), force, length, &what);
+                    let found = block.solve(&load, 1.0, law, &what);
+                    rests(&found, force, length, &what);
+                    touches_without_force(&found, &what);
                 });
             }
         }

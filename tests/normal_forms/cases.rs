@@ -2,7 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use semismooth::continuation::{Branch, Continuation, Direction, Termination, TransitionKind};
+use semismooth::continuation::{
+    Branch, Continuation, Diagram, DiagramOptions, Direction, Termination, TransitionKind,
+};
 use semismooth::piecewise::{Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Traced};
 
 use crate::answer::{Certainty, explore, folds, options};
@@ -440,4 +442,27 @@ fn small_curves_are_what_they_are() {
         limits,
     );
     assert!(branch.expect("a branch").termination != Termination::Closed);
+}
+
+/// |y| = c: two curves 2 c apart; |y| = 1e-5 α: two solutions next to the fold.
+#[test]
+fn solutions_nearer_than_a_ten_millionth_are_told_apart() {
+    let map = curve!(1e-8, 2, |p, x, k, out| out[0] = k.abs(x[0]) - p);
+    let limits = options(1.0, (0.0, 1.0), 1.0);
+    let both = DiagramOptions::default().with_continuation(limits);
+    let starts = [[1e-8, 0.5], [-1e-8, 0.5], [1e-8, 0.25]];
+    let diagram = Diagram::explore(&map, &starts, &both).expect("a diagram");
+    for alpha in [0.0, 0.3, 0.5, 1.0] {
+        let found = diagram.solutions_at(&map, alpha).expect("solutions");
+        let mut y: Vec<f64> = found.points.iter().map(|p| p.x[0]).collect();
+        y.sort_by(f64::total_cmp);
+        assert_eq!(y, [-1e-8, 1e-8], "at {alpha}");
+    }
+    let map = curve!(1e-5, 2, |p, x, k, out| out[0] = k.abs(x[0]) - x[1] * p);
+    let known: &[(f64, &[f64])] = &[(1e-3, &[-1e-8, 1e-8]), (1e-6, &[-1e-11, 1e-11])];
+    let diagram = explore(&map, &[1e-5, 1.0], options(1.0, (-3.0, 3.0), 1.0)).expect("a diagram");
+    for (alpha, values) in known {
+        let (found, _) = diagram.solutions(&map, *alpha).expect("solutions");
+        assert_eq!(found.len(), values.len(), "at {alpha}: {found:?}");
+    }
 }

@@ -203,6 +203,26 @@ fn units_of_the_parameter_add_no_arms() {
     }
 }
 
+/// Members whose diagrams were not finished: sizes of 10³ that the map tells were taken for 1, and a crossing on
+/// the bound of the parameter was no end of a curve.
+#[test]
+fn told_sizes_and_crossings_on_bounds_are_no_limits() {
+    let members = [
+        ("two folds, c = 1 to 1e-2", 21),
+        ("isola, r = 1 to 1e-5", 23),
+        ("crossing", 2),
+        ("crossing", 7),
+        ("crossing", 18),
+    ];
+    for (family, seed) in members {
+        let (.., draw) = FAMILIES.iter().find(|f| f.1 == family).expect("a family");
+        let (found, _) = member(*draw, examine, family, seed);
+        let mut text = String::new();
+        show(&mut text, &found);
+        assert!(text.is_empty(), "{family}:{seed}\n{text}");
+    }
+}
+
 /// Continua of curved maps stay undecided. In its own coordinates every other form is decided, of whatever codimension, with all its arms.
 #[test]
 fn forms_in_their_own_coordinates_are_decided() {

@@ -156,11 +156,15 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         let mut curve = Curve::prepare(self.map, x, options, Box::new(solver()))?;
         let curve = curve.erased_mut();
         let x = curve.here.x.clone();
-        if let Some(v) = self.diagram.vertex_near(&x) {
+        let known = match curve.tangent_here()? {
+            Some(t) => self.diagram.vertex_at(self.map, (&x, &curve.selection), &t),
+            None => self.diagram.vertex_near(&x),
+        };
+        if let Some(v) = known {
             self.diagram.vertices[v].is_start = true;
             return Ok(());
         }
-        if self.diagram.split_at(self.map, &x)? {
+        if self.diagram.split_at(self.map, (&x, &curve.selection))? {
             return Ok(());
         }
         let (arms, certainty) = curve.arms_of_start()?;
@@ -349,11 +353,14 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
     /// Ends the current arc at a vertex; gives the arm on which the curve continues, unless its edge is known.
     fn meet(&mut self, arc: &mut Arc, point: Point, meeting: Meeting<'_>) -> Option<EdgeEnd> {
         let size = 1.0 + norm(meeting.x);
-        let known = self.diagram.vertex_near(meeting.x);
         // Facets that vanish within rounding of each other are met one after the other: one vertex.
-        if known == Some(arc.from.vertex) && point.arclength <= 4.0 * self.options.same_point * size {
+        if self.diagram.vertex_near(meeting.x) == Some(arc.from.vertex)
+            && point.arclength <= 4.0 * self.options.same_point * size
+        {
             return self.meet_again(arc.from, &meeting);
         }
+        let place = (meeting.x, &meeting.incoming.selection);
+        let known = self.diagram.vertex_at(self.map, place, &meeting.incoming.tangent);
         let (v, incoming, others) = match known {
             Some(v) => {
                 let incoming = self.slot_of_arrival(v, arc, &point, &meeting.incoming);
@@ -512,7 +519,9 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             Termination::ParameterRange => VertexKind::Bound,
             other => VertexKind::Limit(other),
         };
-        let known = self.diagram.vertex_near(&point.x);
+        let known = self
+            .diagram
+            .vertex_at(self.map, (&point.x, &point.selection), &point.tangent);
         let v = known.unwrap_or_else(|| self.vertex_at_end(&point, kind));
         let arm = self.slot_of_arrival(v, &arc, &point, &reversed(&point));
         self.close(&mut arc, EdgeEnd { vertex: v, arm });

@@ -6,6 +6,7 @@ mod chains;
 mod explore;
 #[cfg(feature = "serde")]
 mod file;
+mod identity;
 mod model;
 mod natural;
 mod options;

@@ -17,7 +17,8 @@ pub struct DiagramOptions {
     pub max_edges: usize,
     /// Largest number of points on all curves together. Default 1 000 000.
     pub max_points: usize,
-    /// Points at most this far apart, relative to 1 + ‖x‖₂, are one vertex. Default 1e-7.
+    /// Points at most this far apart, relative to 1 + ‖x‖₂, are one vertex, or one solution at an α, unless they lie on curves that are
+    /// told apart: beyond their rounding errors, in a plane across them. Default 1e-7.
     pub same_point: f64,
 }
 

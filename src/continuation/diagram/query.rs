@@ -1,5 +1,6 @@
 //! Queries of a diagram.
 
+use super::identity::told_apart;
 use super::split::Stretch;
 use super::{Diagram, DiagramVertex, VertexKind};
 use crate::continuation::engine::term_size;
@@ -145,7 +146,7 @@ impl Diagram {
             for (k, a) in edge.points.iter().enumerate() {
                 if near(a.parameter()) {
                     belongs(map, a)?;
-                    self.offer(&mut found, a.x.clone(), a, e);
+                    self.offer(map, &mut found, a.x.clone(), a, e);
                     continue;
                 }
                 let Some(b) = edge.points.get(k + 1) else {
@@ -160,7 +161,7 @@ impl Diagram {
                 if let Some(x) = onto_parameter(map, &mut corrector, a, b, alpha)? {
                     // Next to a fold the sign is taken from the other end.
                     let at = if regular_sign(a).is_some() { a } else { b };
-                    self.offer(&mut found, x, at, e);
+                    self.offer(map, &mut found, x, at, e);
                 }
             }
         }
@@ -172,21 +173,38 @@ impl Diagram {
         }
         // Ends of a continuum belong to it.
         let continua = found.continua.clone();
-        let part_of = |x: &[f64]| {
+        let normal = along_parameter(map.num_vars());
+        let part_of = |s: &DiagramSolution| {
             let ends = continua
                 .iter()
                 .flat_map(|&e| [self.edges[e].from.vertex, self.edges[e].to.vertex]);
-            ends.into_iter()
-                .any(|v| distance(&self.vertices[v].x, x) <= self.same_point * (1.0 + norm(x)))
+            let reach = self.same_point * (1.0 + norm(&s.x));
+            ends.map(|v| &self.vertices[v]).any(|vertex| {
+                distance(&vertex.x, &s.x) <= reach && vertex.may_hold(map, (&s.x, &s.selection), &normal)
+            })
         };
-        found.points.retain(|s| !part_of(&s.x));
+        found.points.retain(|s| !part_of(s));
         Ok(found)
     }
 
-    fn offer(&self, found: &mut SolutionsAt, x: Vec<f64>, at: &Point, edge: usize) {
+    /// Adds a solution, unless it is known: on edges that meet in a vertex.
+    fn offer(
+        &self,
+        map: &dyn PiecewiseSmooth,
+        found: &mut SolutionsAt,
+        x: Vec<f64>,
+        at: &Point,
+        edge: usize,
+    ) {
+        let normal = along_parameter(x.len());
         let reach = self.same_point * (1.0 + norm(&x));
         let sign = regular_sign(at);
-        if let Some(known) = found.points.iter_mut().find(|s| distance(&s.x, &x) <= reach) {
+        let same = |s: &DiagramSolution| {
+            let places = [(&x[..], &at.selection), (&s.x[..], &s.selection)];
+            distance(&s.x, &x) <= reach && !told_apart(map, &normal, places)
+        };
+        if let Some(k) = found.points.iter().position(same) {
+            let known = &mut found.points[k];
             let vertex = self.vertex_near(&x).map(|v| self.vertices[v].arms.len());
             known.index = match (known.index, sign) {
                 (Some(a), Some(b)) if vertex == Some(2) => Some((a.signum() + b.signum()) / 2),
@@ -229,6 +247,11 @@ impl Diagram {
         folds.sort_by(|a, b| a.parameter().total_cmp(&b.parameter()));
         folds
     }
+}
+
+/// The unit vector of α among m variables.
+fn along_parameter(m: usize) -> Vec<f64> {
+    (1..=m).map(|j| if j == m { 1.0 } else { 0.0 }).collect()
 }
 
 /// A point of the diagram solves the equation of the map.
@@ -286,8 +309,7 @@ fn onto_parameter(
     let Some(x) = best else {
         return Ok(None);
     };
-    let mut normal = vec![0.0; last + 1];
-    normal[last] = 1.0;
+    let normal = along_parameter(last + 1);
     let (mut y, mut t) = (x.clone(), normal.clone());
     let offset = alpha - x[last];
     match corrector.correct_in_plane(map, &a.selection, &x, &normal, offset, &mut y, &mut t) {

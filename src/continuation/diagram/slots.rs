@@ -6,6 +6,7 @@ use super::VertexArm;
 use super::arc::Arc;
 use super::explore::{Explorer, Progress};
 use super::split::Stretch;
+use crate::continuation::event::singular::mirrored_tangent;
 use crate::continuation::start::solver;
 use crate::continuation::{Arm, Point};
 use crate::newton::MoorePenrose;
@@ -74,6 +75,11 @@ fn behind(map: &dyn PiecewiseSmooth, arc: &Arc, end: &Point, radius: f64) -> Opt
         return Some(last.x.clone());
     }
     let mut corrector = MoorePenrose::new(map, solver()).ok()?;
+    // Where curves cross the tangent at the end is any one between theirs.
+    let end = &Point {
+        tangent: mirrored_tangent((&last.x, &last.tangent), &end.x),
+        ..end.clone()
+    };
     let found = Stretch::new(last, end)?
         .at(map, &mut corrector, 1.0 - radius / length)
         .ok()??;

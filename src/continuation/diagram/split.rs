@@ -1,5 +1,6 @@
 //! Points inside known edges.
 
+use super::identity::{Place, told_apart};
 use super::{Diagram, DiagramEdge, DiagramVertex, EdgeEnd, VertexArm, VertexKind};
 use crate::continuation::{Certainty, ContinuationError, Point, PointKind};
 use crate::linear::AutoSolver;
@@ -78,8 +79,9 @@ impl Diagram {
     pub(super) fn split_at(
         &mut self,
         map: &dyn PiecewiseSmooth,
-        x: &[f64],
+        place: Place<'_>,
     ) -> Result<bool, ContinuationError> {
+        let x = place.0;
         let mut corrector = MoorePenrose::new(map, AutoSolver::default())?;
         let reach = self.same_point * (1.0 + norm(x));
         for e in 0..self.edges.len() {
@@ -94,6 +96,7 @@ impl Diagram {
                 let u = stretch.fraction(x);
                 if let Some((y, t)) = stretch.at(map, &mut corrector, u)?
                     && distance(&y, x) <= reach
+                    && !told_apart(map, &t, [place, (&y, &points[k - 1].selection)])
                 {
                     self.cut(e, k, x, t);
                     return Ok(true);

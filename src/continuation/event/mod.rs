@@ -5,7 +5,7 @@ mod heading;
 mod leave;
 pub(super) mod locate;
 mod monitor;
-mod singular;
+pub(super) mod singular;
 pub(super) mod turn;
 mod unseen;
 pub(super) mod watch;

@@ -12,6 +12,9 @@ const CREEP: f64 = 1e-6;
 /// Largest determinant, relative to that at the start of the step, of a bracketed point that counts as singular.
 pub(in crate::continuation) const ZERO_DETERMINANT: f64 = 1e-6;
 
+/// Error of a branch point found by its own equations, relative to 1 + ‖x‖.
+pub(super) const LOCATED: f64 = 1e-12;
+
 /// Relative singular value, and distance, up to which a singular point is looked for: far above the square root of rounding, to which points
 /// are located where equations are singular. What is found there is decided by its own equations.
 const NEARLY: f64 = 1e-5;
@@ -86,15 +89,28 @@ impl Curve<'_> {
         }
     }
 
-    /// Whether x lies near the segment from `here` to `beyond`; not if it is `here`, a branch point that the curve has just left.
+    /// A bound of the parameter that the step reaches at a branch point, within rounding, is that branch point: next to it nothing tells
+    /// on which side of it the step ends.
+    pub(in crate::continuation) fn branch_point_on_bound(&mut self) -> Result<bool, ContinuationError> {
+        let beyond = self.next.clone();
+        let size = LOCATED * (1.0 + norm(&beyond.x));
+        let found = self.singular_near(&beyond.x)?;
+        let Some(found) = found.filter(|f| distance(&f.x, &beyond.x) <= size) else {
+            return Ok(false);
+        };
+        Ok(self.is_between(&found.x, &beyond) && self.arrive_at(&found)?.is_ok())
+    }
+
+    /// Whether x lies near the segment from `here` to `beyond`, whose end counts; not if it is `here`, a branch point that the curve has
+    /// just left.
     fn is_between(&self, x: &[f64], beyond: &State) -> bool {
         const NEAR: f64 = 0.1;
         const LEFT: f64 = 1e-6;
         let s = self.progress_to(x);
         let mut guess = beyond.clone();
         self.interpolate(s, beyond, &mut guess);
-        let rounding = 1e-12 * (1.0 + norm(x));
-        s > LEFT * beyond.s + rounding && s < beyond.s && distance(x, &guess.x) <= NEAR * beyond.s
+        let rounding = LOCATED * (1.0 + norm(x));
+        s > LEFT * beyond.s + rounding && s < beyond.s + rounding && distance(x, &guess.x) <= NEAR * beyond.s
     }
 
     /// Moves `next` to a branch point if the curve leads there: corrected points ever nearer, with the orientation of `here` and
@@ -109,8 +125,8 @@ impl Curve<'_> {
         let mut target = self.next.clone();
         target.x.copy_from_slice(&found.x);
         target.s = self.progress_to(&found.x);
-        target.t = mirrored_tangent(&self.here, &found.x);
-        let rounding = 1e-12 * (1.0 + norm(&found.x));
+        target.t = mirrored_tangent((&self.here.x, &self.here.t), &found.x);
+        let rounding = LOCATED * (1.0 + norm(&found.x));
         let (mut state, mut before) = (target.clone(), (0.0, self.here.t.clone()));
         for share in SHARES {
             if !self.state_at(share * target.s, &target, &mut state)? {
@@ -212,7 +228,7 @@ impl Curve<'_> {
             return Ok(None);
         }
         let mut target = self.next.clone();
-        target.t = mirrored_tangent(&self.here, &x);
+        target.t = mirrored_tangent((&self.here.x, &self.here.t), &x);
         target.x = x;
         target.s = length;
         self.settle_at(target);
@@ -220,11 +236,11 @@ impl Curve<'_> {
     }
 }
 
-/// The tangent at x of the circular arc from `start`: the tangents at both ends are mirror images in the chord.
-pub(in crate::continuation) fn mirrored_tangent(start: &State, x: &[f64]) -> Vec<f64> {
-    let chord: Vec<f64> = x.iter().zip(&start.x).map(|(a, b)| a - b).collect();
-    let along = 2.0 * dot(&chord, &start.t) / dot(&chord, &chord);
-    chord.iter().zip(&start.t).map(|(c, t)| along * c - t).collect()
+/// The tangent at x of the circular arc from a point with its tangent: the tangents at both ends are mirror images in the chord.
+pub(in crate::continuation) fn mirrored_tangent(from: (&[f64], &[f64]), x: &[f64]) -> Vec<f64> {
+    let chord: Vec<f64> = x.iter().zip(from.0).map(|(a, b)| a - b).collect();
+    let along = 2.0 * dot(&chord, from.1) / dot(&chord, &chord);
+    chord.iter().zip(from.1).map(|(c, t)| along * c - t).collect()
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::singular::ZERO_DETERMINANT;
+use super::singular::{LOCATED, ZERO_DETERMINANT};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
 use crate::continuation::point::coincidence::SAFETY;
@@ -205,11 +205,22 @@ impl Curve<'_> {
         Ok(best.map(|b| b.1))
     }
 
-    /// The bound on which `next`, an event where α turns or which the curve meets vertically, lies within rounding of α. As α stands still
-    /// there, the place where it reaches the bound would be the same point with half as many digits.
+    /// The bound on which `next`, an event where α turns or which the curve meets vertically, or a branch point, lies within rounding of α.
+    /// Where α stands still, the place where it reaches the bound would be the same point with half as many digits; so it would be where
+    /// ∇H is singular.
     fn touched_bound(&mut self, located: &[Monitor]) -> Result<Option<f64>, ContinuationError> {
-        if !matches!(located.last(), Some(Monitor::Fold | Monitor::Facet { .. })) {
-            return Ok(None);
+        let (lower, upper) = self.options.parameter_range;
+        let within = |alpha: f64, error: f64| {
+            let near = |bound: &f64| (alpha - bound).abs() <= error;
+            [lower, upper].into_iter().find(near)
+        };
+        match located.last() {
+            Some(Monitor::Singular) => {
+                let x = &self.next.x;
+                return Ok(within(x[x.len() - 1], LOCATED * (1.0 + norm(x))));
+            }
+            Some(Monitor::Fold | Monitor::Facet { .. }) => {}
+            _ => return Ok(None),
         }
         let next = std::mem::take(&mut self.next);
         let rate = self.rate_of_parameter(&next);
@@ -225,10 +236,7 @@ impl Curve<'_> {
             return Ok(None);
         };
         let error = SAFETY * (rounding + f64::EPSILON * x[last].abs());
-        let (lower, upper) = self.options.parameter_range;
-        Ok([lower, upper]
-            .into_iter()
-            .find(|bound| (x[last] - bound).abs() <= error))
+        Ok(within(x[last], error))
     }
 
     /// Whether a test function in whose zero set the curve runs has changed by rounding alone: its rates at both ends of the step do not

@@ -51,7 +51,9 @@ impl Curve<'_> {
 
     /// What happens at `here`.
     fn pass(&mut self, event: Option<Monitor>, corrections: usize) -> Result<(), ContinuationError> {
-        if let (Some(Monitor::Facet { .. } | Monitor::Fold), Some(alpha)) = (event, self.here.x.last_mut()) {
+        if let (Some(Monitor::Facet { .. } | Monitor::Fold | Monitor::Singular), Some(alpha)) =
+            (event, self.here.x.last_mut())
+        {
             // A bound that is touched there lies beyond by rounding at most.
             let (lower, upper) = self.options.parameter_range;
             *alpha = alpha.max(lower).min(upper);

@@ -8,7 +8,7 @@ mod judge;
 mod switching;
 
 use super::engine::Curve;
-use super::event::watch::Unresolved;
+use super::event::watch::{Monitor, Unresolved};
 use super::{ContinuationError, Event, Strategy, Termination};
 use crate::piecewise::PiecewiseSmooth;
 
@@ -50,6 +50,20 @@ impl Curve<'_> {
         }
     }
 
+    /// The first event of a step, unless the step may have jumped to another curve.
+    fn event_inside(&mut self) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
+        let first = self.first_event()?;
+        let Ok(event) = first else { return Ok(first) };
+        if !self.passes_unseen(event) {
+            return Ok(first);
+        }
+        let on_bound = matches!(event, Some(Monitor::Parameter { last: true, .. }));
+        Ok(match on_bound && self.branch_point_on_bound()? {
+            true => Ok(Some(Monitor::Singular)),
+            false => Err(Unresolved::Crossing),
+        })
+    }
+
     fn step(&mut self) -> Result<(), ContinuationError> {
         // With the factors at hand.
         self.find_heading()?;
@@ -82,8 +96,7 @@ impl Curve<'_> {
                 curvature,
             }) = self.try_step(h)?
             {
-                match self.first_event()? {
-                    Ok(first) if self.passes_unseen(first) => crossing = true,
+                match self.event_inside()? {
                     Ok(first) => {
                         self.h = if rejected > 0 || corrections > EASY {
                             h
