@@ -7,6 +7,8 @@ use semismooth::contact::{
 use semismooth::fem::{ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh, Mortar};
 use semismooth::sparse::Matrix;
 
+use crate::random::Random;
+
 const WEIGHT: f64 = 0.01;
 
 fn coefficient(f: f64) -> FrictionCoefficient {
@@ -101,6 +103,79 @@ fn the_motion_that_nothing_resists_is_named() {
             other => panic!("{other:?}"),
         }
     }
+}
+
+/// Two forces on the upper side of a block on a table, random ones and vertical ones out of the middle: contact holds the block exactly where
+/// statics says so, N > 0 ≥ |T| − F N, N between both ends of the table, and then with that resultant and moment; elsewhere a motion proves
+/// that nothing does.
+#[test]
+fn a_block_is_held_where_statics_says_so() {
+    let mut mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2]).unwrap();
+    mesh.mark_nodes("middle", |x| x == [1.0, 1.0, 0.0]);
+    mesh.mark_nodes("corner", |x| x == [2.0, 1.0, 0.0]);
+    let system = floating(mesh);
+    let rows = system
+        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
+        .unwrap();
+    let random = &mut Random::new(3);
+    let mut counts = [0; 2];
+    for k in 0..120 {
+        let f = [0.0, 0.1, 0.5, 1.0][k % 4];
+        let mut uniform = |size: f64| random.between(-size, size);
+        let mut middle = [uniform(1.0), uniform(0.8) - 0.4];
+        let mut corner = [uniform(0.5), uniform(0.5)];
+        // Without friction nothing holds the block along the table, where nothing pushes it.
+        if k % 8 < 4 && f > 0.0 {
+            (middle[0], corner[0]) = (0.0, 0.0);
+        }
+        let (normal, tangential) = (-(middle[1] + corner[1]), middle[0] + corner[0]);
+        let moment = (middle[0] - middle[1]) + (corner[0] - 2.0 * corner[1]);
+        let slacks = [
+            normal,
+            f * normal - tangential.abs(),
+            moment,
+            2.0 * normal - moment,
+        ];
+        let least = slacks.into_iter().fold(f64::INFINITY, f64::min);
+        if least.abs() < 1e-3 {
+            continue;
+        }
+        let force = |group: &str, of: [f64; 2]| {
+            system
+                .nodal_force(group, |_| [WEIGHT * of[0], WEIGHT * of[1], 0.0])
+                .unwrap()
+        };
+        let (a, b) = (force("middle", middle), force("corner", corner));
+        let load = a.iter().zip(&b).map(|(a, b)| a + b).collect::<Vec<f64>>();
+        let body = semismooth::contact_body(&system, &rows, LoadPath::constant(load)).unwrap();
+        let problem = FullContact::new(body, PlanarCoulomb::new(coefficient(f))).unwrap();
+        let found = problem.solve(0.0, None);
+        if least < 0.0 {
+            counts[0] += 1;
+            is_unbalanced(found);
+            continue;
+        }
+        counts[1] += 1;
+        let x = found.unwrap_or_else(|e| panic!("{f} {middle:?} {corner:?}: {e}"));
+        let nodes = problem.solution(&x).unwrap().nodes;
+        let sums = nodes.iter().enumerate().fold([0.0; 3], |sum, (i, node)| {
+            let pressure = node.pressure / WEIGHT;
+            [
+                sum[0] + pressure,
+                sum[1] + node.traction[0] / WEIGHT,
+                sum[2] + rows.points[i][0] * pressure,
+            ]
+        });
+        assert!(
+            (sums[0] - normal).abs() < 1e-8 && (sums[2] - moment).abs() < 1e-8,
+            "{sums:?}"
+        );
+        assert!(
+            (sums[1].abs() - tangential.abs()).abs() < 1e-8,
+            "{sums:?} {tangential}"
+        );
+    }
+    assert!(counts.iter().all(|c| *c > 20), "{counts:?}");
 }
 
 #[test]

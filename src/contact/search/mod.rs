@@ -4,6 +4,7 @@ mod lowering;
 mod options;
 mod reduced;
 mod solve;
+mod springs;
 mod strategy;
 mod tries;
 

@@ -15,11 +15,11 @@ use crate::interface::View;
 use crate::newton::Newton;
 
 /// Largest number of pressures and tractions with which the lowering is followed in condensed form, whose matrices are dense.
-const CONDENSED: usize = 10_000;
+pub(super) const CONDENSED: usize = 10_000;
 
 impl<'a, V: View> Contact<V, &'a dyn NodeLaw> {
     /// The condensed form under the load at α.
-    fn condensed_at(&self, alpha: f64) -> Result<CondensedContact<&'a dyn NodeLaw>, ContactError> {
+    pub(super) fn condensed_at(&self, alpha: f64) -> Result<CondensedContact<&'a dyn NodeLaw>, ContactError> {
         let load = self.operator.load.frozen(&[alpha], self.num_displacements());
         let mut condensed = CondensedContact::new(self.body().under(load)?, self.law.law)?;
         condensed.law.reference.clone_from(&self.law.reference);

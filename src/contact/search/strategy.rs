@@ -5,6 +5,7 @@ use std::fmt;
 
 use super::lowering::{Lowering, LoweringEnd};
 use super::reduced::ReducedNewton;
+use super::solve::CONDENSED;
 use super::tries::{Observer, Tries, timed};
 use crate::clock::Deadline;
 use crate::contact::error::{check_finite, check_length};
@@ -18,6 +19,9 @@ use crate::words::{Size, iterations, named};
 /// Augmentation parameters tried after the prescribed one, in units of the stiffness of a contact node.
 const STIFFER: [f64; 3] = [1.0, 10.0, 1e3];
 
+/// Bodies on springs that are tried, each on those that the one before has moved along: what they pull at falls by orders of magnitude.
+const ROUNDS: usize = 8;
+
 /// Points of a path until paths with other orders of touching nodes have been tried.
 const SHORT: usize = 250;
 
@@ -28,7 +32,8 @@ const SHORT: usize = 250;
 pub enum ContactStrategy {
     /// PS-Newton from the start given; from zero if there is none.
     Newton,
-    /// PS-Newton from zero and from the problem with all nodes stuck.
+    /// PS-Newton from zero and from the problem with all nodes stuck; where contact alone holds the body and all else has failed, from the
+    /// body on soft springs, which are moved along until they pull at nothing.
     Restart,
     /// The same with larger augmentation parameters r: solutions do not depend on r, the iterates of Newton's method do.
     Stiffer,
@@ -172,6 +177,10 @@ pub(in crate::contact) fn solve<V: View>(
         None if !search.tries.interrupted => search.lowered(lower)?,
         found => found,
     };
+    let found = match found {
+        None if !search.tries.interrupted => search.on_springs(alpha)?,
+        found => found,
+    };
     match found {
         Some(x) => Ok(ContactReport {
             x,
@@ -282,6 +291,33 @@ impl<V: View> ContactSearch<'_, '_, V> {
                     points: most,
                     ..lowering
                 });
+            }
+        }
+        Ok(None)
+    }
+
+    /// Newton's method from the body on soft springs, where contact alone holds it.
+    fn on_springs(&mut self, alpha: f64) -> Result<Option<Vec<f64>>, ContactError> {
+        let form = self.form;
+        let floats = form.view.reduced().is_none()
+            && form.num_traces() <= CONDENSED
+            && form.condensed_at(alpha).is_err()
+            && form.unbalanced(alpha).is_none();
+        if !floats {
+            return Ok(None);
+        }
+        let mut on = form.on_springs(alpha)?;
+        for _ in 0..ROUNDS {
+            let options = ContactOptions {
+                max_time: self.deadline.left(),
+                ..self.options.clone()
+            };
+            let Ok(start) = form.next_on(&mut on, alpha, &options, self.tries.observer()) else {
+                return Ok(None);
+            };
+            let found = self.attempt(ContactStrategy::Restart, form.r(), &start, 0)?;
+            if found.is_some() || self.tries.interrupted {
+                return Ok(found);
             }
         }
         Ok(None)
