@@ -135,7 +135,7 @@ impl Reduced {
         &self.condensation.compliance().values()[k * q..(k + 1) * q]
     }
 
-    pub(super) fn hierarchical(&self) -> Option<&Arc<Hierarchical>> {
+    pub(crate) fn hierarchical(&self) -> Option<&Arc<Hierarchical>> {
         self.condensation.hierarchical()
     }
 

@@ -2,13 +2,14 @@
 
 use std::collections::HashMap;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use crate::contact::Contact;
 use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
 use crate::contact::rounding::size_of_forces;
 use crate::contact::solution::piece_of;
 use crate::interface::View;
-use crate::linear::{DenseLu, LinearSolver};
+use crate::linear::{CondensedRows, DenseLu, Hierarchical, HierarchicalLu, LinearSolver};
 use crate::parallel;
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::Matrix;
@@ -164,6 +165,9 @@ pub(in crate::contact) struct ReducedNewton {
     /// The matrix of the remaining system by columns; for each column, the node and the index of its component of μ.
     matrix: Vec<f64>,
     columns: Vec<(usize, usize)>,
+    /// Factors of the equations of all nodes, where C has a hierarchical form, and scratch of its products.
+    by_blocks: Option<HierarchicalLu>,
+    room: Vec<f64>,
 }
 
 /// The state of the nodes at an iterate.
@@ -212,7 +216,13 @@ impl ReducedNewton {
             before = worst;
             let known = seen.insert(self.pieces.clone(), worst);
             cycles |= known.is_some_and(|known| worst > PROGRESS * known);
-            if go_on().is_break() || self.step(reduced.compliance(), q / p, look.order).is_none() {
+            if go_on().is_break() {
+                return false;
+            }
+            let stepped = reduced.hierarchical().and_then(|c| self.step_by_blocks(c, q / p));
+            // Blocks on the diagonal may be singular where the matrix is not.
+            let stepped = stepped.or_else(|| self.step(reduced.compliance(), q / p, look.order));
+            if stepped.is_none() {
                 return false;
             }
             // Full steps that return to the same pieces without progress would cycle.
@@ -291,8 +301,80 @@ impl ReducedNewton {
         Some(())
     }
 
+    /// The Newton step into `s`, from hierarchical factors of the equations of all nodes, improved once. `None` where blocks are singular.
+    fn step_by_blocks(&mut self, c: &Arc<Hierarchical>, blocks: usize) -> Option<()> {
+        self.factor_by_blocks(c, blocks)?;
+        let lu = self.by_blocks.as_mut()?;
+        let (nodes, p) = (&self.nodes, self.nodes.len());
+        self.s.clear();
+        self.s.resize(blocks * p, 0.0);
+        for _ in 0..2 {
+            self.image.clear();
+            self.image.resize(blocks * p, 0.0);
+            c.subtract_product(&self.s, &mut self.image, &mut self.room);
+            self.rhs.clear();
+            for a in 0..blocks {
+                self.rhs.extend(nodes.iter().enumerate().map(|(i, node)| {
+                    let d = if a < node.rank { node.d[a] } else { [0.0; 3] };
+                    let term = |b: usize| d[b] * self.image[b * p + i] + node.e[a][b] * self.s[b * p + i];
+                    node.b[a] - (0..blocks).map(term).sum::<f64>()
+                }));
+            }
+            lu.solve_in_place(&mut self.rhs).ok()?;
+            self.s.iter_mut().zip(&self.rhs).for_each(|(s, d)| *s += d);
+        }
+        // The forces that nodes determine themselves are exact: zero at open nodes.
+        for (i, node) in nodes.iter().enumerate() {
+            let is_free =
+                |c: usize, m: usize| (0..node.rank).all(|k| node.t[c][k] == f64::from(u8::from(k == m)));
+            let mut mu = [0.0; 3];
+            for (m, mu) in mu[..node.rank].iter_mut().enumerate() {
+                *mu = self.s[(0..blocks).find(|&c| is_free(c, m))? * p + i];
+            }
+            for b in 0..blocks {
+                self.s[b * p + i] = node.s[b] + (0..node.rank).map(|m| node.t[b][m] * mu[m]).sum::<f64>();
+            }
+        }
+        self.s.iter().all(|s| s.is_finite()).then_some(())
+    }
+
+    /// Factors −D C + E by blocks, unless it is the matrix factored last.
+    fn factor_by_blocks(&mut self, c: &Arc<Hierarchical>, blocks: usize) -> Option<()> {
+        let (nodes, p) = (&self.nodes, self.nodes.len());
+        let matrix = |n: &Node| (n.rank, n.d, n.e);
+        let same = self.by_blocks.is_some()
+            && self.factored.len() == p
+            && (nodes.iter().zip(&self.factored)).all(|(node, known)| matrix(node) == matrix(known));
+        if same {
+            return Some(());
+        }
+        // `factored` is that of one matrix.
+        if self.by_blocks.take().is_some() {
+            self.factored.clear();
+        }
+        let mut rows = CondensedRows::default();
+        for a in 0..blocks {
+            for (i, node) in nodes.iter().enumerate() {
+                let entries = |row: [f64; 3]| {
+                    let entry = move |b: usize| (a * p + i, b * p + i, row[b]);
+                    (0..blocks).map(entry).filter(|e| e.2 != 0.0)
+                };
+                if a < node.rank {
+                    rows.traces.extend(entries(node.d[a]));
+                }
+                rows.multipliers.extend(entries(node.e[a]));
+            }
+        }
+        self.by_blocks = Some(HierarchicalLu::new(Arc::clone(c), &rows, &[]).ok()?);
+        self.factored.clone_from(nodes);
+        Some(())
+    }
+
     /// Factors the matrix of the remaining system, unless it is the one factored last.
     fn factor(&mut self, c: &[f64], blocks: usize, order: usize) -> Option<()> {
+        if self.by_blocks.take().is_some() {
+            self.factored.clear();
+        }
         let (nodes, p) = (&self.nodes, self.nodes.len());
         let same = self.factored.len() == p
             && (nodes.iter().zip(&self.factored)).all(|(node, known)| node.has_matrix_of(known));
