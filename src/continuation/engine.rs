@@ -9,6 +9,7 @@ use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing};
 use crate::sparse::{Matrix, norm};
 use crate::spread::golden;
+use crate::tolerances::ROUNDING;
 
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
 pub(super) const SINGULAR: f64 = 1e-7;
@@ -331,6 +332,28 @@ pub(super) fn generic_probe(n: usize) -> Vec<f64> {
     (0..n).map(|k| sign(k) * (0.5 + 0.5 * golden(k + 1))).collect()
 }
 
+/// Refuses a stored point that does not solve the equation of the map, up to this share of its terms: it is one of another map.
+pub(super) fn belongs(
+    map: &dyn PiecewiseSmooth,
+    selection: &Selection,
+    x: &[f64],
+) -> Result<(), ContinuationError> {
+    const FAR: f64 = 1e-5;
+    let mut h = vec![0.0; map.num_residuals()];
+    map.residual(selection, x, &mut h);
+    let mut jac = Matrix::zeros(map.pattern());
+    map.jacobian(selection, x, &mut jac);
+    let residual = norm(&h);
+    let ones = vec![1.0; x.len()];
+    if residual <= FAR * term_size(&jac, x, 1.0 + norm(x), &ones) {
+        return Ok(());
+    }
+    Err(ContinuationError::OtherMap {
+        parameter: x.last().copied().unwrap_or(f64::NAN),
+        residual,
+    })
+}
+
 /// ‖ |J| (|x| + h |t|) ‖₂: the size of the terms that cancel in H.
 pub(super) fn term_size(jac: &Matrix, x: &[f64], h: f64, t: &[f64]) -> f64 {
     let mut sums = vec![0.0; jac.nrows()];
@@ -348,7 +371,6 @@ pub(super) fn row_sizes(
     tolerance: f64,
     sizes: &mut Vec<f64>,
 ) {
-    const ROUNDING: f64 = 64.0 * f64::EPSILON;
     sizes.resize(jac.nrows(), 0.0);
     let lengths: Vec<f64> = x.iter().zip(t).map(|(x, t)| x.abs() + h * t.abs()).collect();
     let (mut terms, mut largest) = (vec![0.0; jac.nrows()], vec![0.0; jac.nrows()]);

@@ -39,10 +39,10 @@ pub enum ContinuationError {
         /// Name of the site.
         site: String,
     },
-    /// A diagram was queried with another map than its own.
+    /// A diagram was queried, or a run resumed, with another map than its own.
     #[error(
-        "the diagram is not that of this map: at its point with parameter {parameter} the residual is {residual:e}; use the map it was \
-         explored with"
+        "the curve is not that of this map: at its point with parameter {parameter} the residual is {residual:e}; use the map it was \
+         computed with"
     )]
     OtherMap {
         /// α at the point.
@@ -74,17 +74,11 @@ pub enum ContinuationError {
         /// Why it is undecided, and a remedy.
         reason: String,
     },
-    /// A saved run contradicts the map.
+    /// A saved run is not as it was saved, or its facets are not those of the map.
     #[error(
-        "the saved run is not one of this map, or it was altered: {what} is off by {deviation:e}; resume with the map of the saved run, or \
-         start a new run from its point"
+        "the saved run was altered, was written by another version, or is not one of this map; start a new run from its point"
     )]
-    Saved {
-        /// What contradicts the map.
-        what: &'static str,
-        /// By how much; infinite for quantities without a distance.
-        deviation: f64,
-    },
+    Saved,
     /// The two independent rules of orientation disagree at a transition.
     #[error(
         "at parameter {parameter}, {site}: the determinant and the test functions disagree on the orientation of the curve; \

@@ -14,7 +14,6 @@ mod pursuit;
 mod record;
 #[cfg(feature = "serde")]
 pub(crate) mod recorded;
-mod restored;
 mod save;
 mod search;
 mod start;

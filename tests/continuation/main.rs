@@ -14,6 +14,7 @@ mod squares;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod altered;
 mod chains;
 mod clusters;
 mod control;
@@ -42,7 +43,6 @@ mod search;
 mod small_angles;
 mod smooth;
 mod step_control;
-mod tampered;
 mod transition_sets;
 mod uniqueness;
 mod units;

@@ -210,7 +210,7 @@ fn states_of_other_maps_are_refused() {
         Continuation::resume(&other.problem, &saved),
         Err(ContinuationError::Map(_))
     ));
-    // Damaged states: an invalid piece, a point that is not finite, an option out of range.
+    // Damaged states: an invalid piece, lists of other lengths, an option out of range.
     let json = serde_json::to_value(&saved).unwrap();
     let damaged = |path: &[&str], value: serde_json::Value| {
         let mut json = json.clone();

@@ -3,15 +3,13 @@
 use super::identity::told_apart;
 use super::split::Stretch;
 use super::{Diagram, DiagramVertex, VertexKind};
-use crate::continuation::engine::term_size;
+use crate::continuation::engine::belongs;
 use crate::continuation::{ContinuationError, Point};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection};
-use crate::sparse::{Matrix, distance, norm};
-
-/// Rounding of α at points of a diagram, relative to its range: a sum of a few tens of terms.
-const ROUNDING: f64 = 64.0 * f64::EPSILON;
+use crate::sparse::{distance, norm};
+use crate::tolerances::{HALVINGS, ROUNDING};
 
 /// A solution at a given α.
 #[derive(Debug, Clone, PartialEq)]
@@ -145,7 +143,7 @@ impl Diagram {
             }
             for (k, a) in edge.points.iter().enumerate() {
                 if near(a.parameter()) {
-                    belongs(map, a)?;
+                    belongs(map, &a.selection, &a.x)?;
                     self.offer(map, &mut found, a.x.clone(), a, e);
                     continue;
                 }
@@ -156,8 +154,8 @@ impl Diagram {
                 if !between || near(b.parameter()) {
                     continue;
                 }
-                belongs(map, a)?;
-                belongs(map, b)?;
+                belongs(map, &a.selection, &a.x)?;
+                belongs(map, &b.selection, &b.x)?;
                 if let Some(x) = onto_parameter(map, &mut corrector, a, b, alpha)? {
                     // Next to a fold the sign is taken from the other end.
                     let at = if regular_sign(a).is_some() { a } else { b };
@@ -254,24 +252,6 @@ fn along_parameter(m: usize) -> Vec<f64> {
     (1..=m).map(|j| if j == m { 1.0 } else { 0.0 }).collect()
 }
 
-/// A point of the diagram solves the equation of the map.
-fn belongs(map: &dyn PiecewiseSmooth, point: &Point) -> Result<(), ContinuationError> {
-    const FAR: f64 = 1e-5;
-    let mut h = vec![0.0; map.num_residuals()];
-    map.residual(&point.selection, &point.x, &mut h);
-    let mut jac = Matrix::zeros(map.pattern());
-    map.jacobian(&point.selection, &point.x, &mut jac);
-    let residual = norm(&h);
-    let ones = vec![1.0; point.x.len()];
-    if residual <= FAR * term_size(&jac, &point.x, 1.0 + norm(&point.x), &ones) {
-        return Ok(());
-    }
-    Err(ContinuationError::OtherMap {
-        parameter: point.parameter(),
-        residual,
-    })
-}
-
 /// The point at `alpha` between two neighbouring points, by bisected secants along the chord, then exactly onto α.
 fn onto_parameter(
     map: &dyn PiecewiseSmooth,
@@ -280,14 +260,13 @@ fn onto_parameter(
     b: &Point,
     alpha: f64,
 ) -> Result<Option<Vec<f64>>, PiecewiseError> {
-    const LIMIT: usize = 80;
     let Some(stretch) = Stretch::new(a, b) else {
         return Ok(None);
     };
     let last = a.x.len() - 1;
     let (mut low, mut high) = ((0.0, a.x[last] - alpha), (1.0, b.x[last] - alpha));
     let mut best = None;
-    for round in 0..LIMIT {
+    for round in 0..HALVINGS {
         let secant = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
         let middle = 0.5 * (low.0 + high.0);
         // Every third point is the midpoint: secants may keep one end fixed.
