@@ -5,12 +5,12 @@ use std::error::Error;
 use std::path::Path;
 
 use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
-use semismooth::fem::{Dilatation, ElasticSystem, Elasticity, Foundation, Material, Mesh, read_getfem};
+use semismooth::fem::{Dilatation, ElasticSystem, Elasticity, Foundation, Material, Mesh, read_gmsh};
 
 /// The vee-shaped body on the ground: P1 triangles, λ = 100, μ = 82 GPa, F = 1.8; held at the ends of its arms. The volume force
 /// turns from (−5, 1) to (−5, −8) GN/m³ while γ runs from 0 to 1. `refinements` times each triangle is cut in four.
 pub(crate) fn vee(refinements: usize) -> Result<FullContact<PlanarCoulomb>, Box<dyn Error>> {
-    let mut mesh = read_getfem(Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/data/vee_h_0.03.mesh"))?;
+    let mut mesh = read_gmsh(Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/data/vee_h_0.03.msh"))?;
     for _ in 0..refinements {
         mesh = mesh.refined()?;
     }

@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-use super::getfem::drop_loose;
 use super::tokens::{Reader, shorten};
 use super::{CellKind, FemError, Mesh};
+use crate::tolerances::NONE;
 
 /// Reads a Gmsh mesh file (MSH 2.2 or 4.1, ASCII or binary of either byte order) of elements of first or second order.
 ///
@@ -440,4 +440,28 @@ impl Reader<'_> {
         }
         Ok(())
     }
+}
+
+/// Removes points that belong to no cell.
+fn drop_loose(points: &mut Vec<[f64; 3]>, cells: &mut [(CellKind, Vec<usize>)]) -> Vec<usize> {
+    let mut new = vec![NONE; points.len()];
+    for &n in cells.iter().flat_map(|c| &c.1) {
+        if let Some(slot) = new.get_mut(n) {
+            *slot = 0;
+        }
+    }
+    let mut kept = Vec::with_capacity(points.len());
+    for (old, point) in points.iter().enumerate() {
+        if new[old] == 0 {
+            new[old] = kept.len();
+            kept.push(*point);
+        }
+    }
+    for n in cells.iter_mut().flat_map(|c| &mut c.1) {
+        if let Some(&m) = new.get(*n) {
+            *n = m;
+        }
+    }
+    *points = kept;
+    new
 }

@@ -1,7 +1,7 @@
 //! Finite elements: discrete contact problems from meshes.
 //!
 //! A [`Mesh`] of triangles, quadrilaterals, tetrahedra or hexahedra, of first or second order, comes from a generator ([`Mesh::rectangle`], [`Mesh::block`]), a file
-//! ([`read_gmsh`], [`read_getfem`]) or your own arrays; [`Elasticity`] holds materials and supports and assembles an [`ElasticSystem`]: the
+//! ([`read_gmsh`]) or your own arrays; [`Elasticity`] holds materials and supports and assembles an [`ElasticSystem`]: the
 //! stiffness matrix of the free displacements, loads, and [`ContactRows`], the normal and tangential traces of the nodes that may touch a
 //! rigid foundation or [each other](ElasticSystem::contact_between). [`PlasticBody`] is a body of [`VonMises`] material under a history of
 //! loads. Units are the caller's: metres and GPa give nodal forces in GN (per metre of depth in the plane, of whole rings in bodies
@@ -19,7 +19,6 @@ mod facet;
 mod file;
 mod folding;
 mod generate;
-mod getfem;
 mod gmsh;
 mod material;
 mod mesh;
@@ -44,7 +43,6 @@ pub use contact::{ContactRows, Foundation};
 pub use elasticity::{Dilatation, Elasticity};
 pub use element::CellKind;
 pub use error::FemError;
-pub use getfem::{parse_getfem, read_getfem};
 pub use gmsh::{parse_gmsh, read_gmsh};
 pub use material::{Material, MaterialConstant, PlaneModel};
 pub use mesh::{BoundaryFacet, Mesh};

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use semismooth::fem::{
     CellKind, Elasticity, Foundation, Material, MaterialConstant, Mesh, Mortar, MultiplierSpace, PlaneModel,
-    PlasticBody, Spring, TraceSpace, VonMises, parse_getfem, parse_gmsh, read_getfem, read_gmsh,
+    PlasticBody, Spring, TraceSpace, VonMises, parse_gmsh, read_gmsh,
 };
 use semismooth::interface::LoadCase;
 
@@ -601,36 +601,8 @@ fn readers(t: &mut Table) {
     for (input, bytes) in &hostile {
         t.refuses("fem::parse_gmsh", input, file(input), || parse_gmsh(bytes, path));
     }
-    for (input, text) in [
-        ("nothing", ""),
-        ("another file", "hello"),
-        ("no end", "BEGIN POINTS LIST\n POINT 0 0 0\n"),
-        (
-            "a point of 10^15",
-            "BEGIN POINTS LIST\n POINT COUNT 1000000000000000\n POINT 0 0 0\nEND POINTS LIST\n",
-        ),
-        (
-            "point number 10^15",
-            "BEGIN POINTS LIST\n POINT 1000000000000000 0 0\nEND POINTS LIST\n",
-        ),
-        (
-            "point usize::MAX",
-            "BEGIN POINTS LIST\n POINT 18446744073709551615 0 0\nEND POINTS LIST\n",
-        ),
-        (
-            "no numbers",
-            "BEGIN POINTS LIST\n POINT 0 nan inf\nEND POINTS LIST\n",
-        ),
-    ] {
-        t.refuses("fem::parse_getfem", input, "the file", || {
-            parse_getfem(text, path)
-        });
-    }
     let missing = Path::new("no/such/file");
     t.refuses("fem::read_gmsh", "no file", "no/such/file", || read_gmsh(missing));
-    t.refuses("fem::read_getfem", "no file", "no/such/file", || {
-        read_getfem(missing)
-    });
 }
 
 fn derivatives(t: &mut Table) {

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use semismooth::Cause;
 use semismooth::contact::{read_delassus, read_folder};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Event};
-use semismooth::fem::{Mesh, read_getfem, read_gmsh};
+use semismooth::fem::{Mesh, read_gmsh};
 use semismooth::linear::{LinearError, LinearSolver};
 use semismooth::output::{JsonLinesWriter, write_csv, write_vtu};
 use semismooth::sparse::{
@@ -38,7 +38,6 @@ fn files_that_are_missing_come_with_the_error_of_the_system() {
     has_kind(read_vector(MISSING), NotFound);
     has_kind(write_matrix_market(MISSING, &Matrix::identity(1)), NotFound);
     has_kind(read_gmsh(MISSING), NotFound);
-    has_kind(read_getfem(MISSING), NotFound);
     has_kind(read_folder(MISSING), NotFound);
     has_kind(read_delassus(MISSING), NotFound);
     has_kind(write_vtu(MISSING, &mesh, &[], &[]), NotFound);

@@ -11,7 +11,7 @@ mod springs;
 
 use random::Random;
 use semismooth::fem::{
-    CellKind, Elasticity, FemError, Foundation, Material, Mesh, MultiplierSpace, PlaneModel, parse_getfem,
+    CellKind, Elasticity, FemError, Foundation, Material, Mesh, MultiplierSpace, PlaneModel,
 };
 use semismooth::linear::{Cholesky, DenseLu, LinearSolver};
 use semismooth::sparse::Matrix;
@@ -622,51 +622,6 @@ fn bad_input() {
             ..
         })
     ));
-    // Files.
-    let parse = |text: &str| parse_getfem(text, "m.mesh".as_ref());
-    assert!(matches!(parse("nothing"), Err(FemError::Empty { .. })));
-    assert!(matches!(
-        parse("POINT 0 a b"),
-        Err(FemError::Parse { line: 1, .. })
-    ));
-    assert!(matches!(
-        parse("POINT 0 0 0\nCONVEX 0 'GT_PK(2,1)' 0 1 2"),
-        Err(FemError::Parse { line: 2, .. })
-    ));
-    assert!(matches!(
-        parse("POINT 0 0 0\nCONVEX 0 'GT_PK(2,2)' 0 0 0"),
-        Err(FemError::Parse { .. })
-    ));
-    let corners = "POINT 0 0 0\nPOINT 1 1 0\nPOINT 2 0 1\nPOINT 3 1 1\n";
-    for (text, number, word) in [
-        ("POINT 0 1 2 3 4", 1, "4 coordinates"),
-        ("% first\nPOINT 0", 2, "0 coordinates"),
-        ("POINT 0 0 0\n\nPOINT 0 1 0", 3, "point 0 is defined twice"),
-        (&format!("{corners}CONVEX 0 GT_PK(2,1) 0 1 2"), 5, "in quotes"),
-        (
-            &format!("{corners}CONVEX 0 'GT_PK(2,1)' 0 1 2 3"),
-            5,
-            "a triangle with 4 points, expected 3",
-        ),
-        (
-            &format!("{corners}CONVEX 0 'GT_QK(2,1)' 0 1 2"),
-            5,
-            "a quadrilateral with 3 points, expected 4",
-        ),
-        (
-            &format!("{corners}CONVEX 0 'GT_PK(2,1)' 0 1 2\nCONVEX 1 'GT_PK(3,1)' 0 1 2 3"),
-            6,
-            "plane and solid",
-        ),
-    ] {
-        match parse(text) {
-            Err(FemError::Parse { line, ref what, .. }) => {
-                assert_eq!(line, number, "{text}");
-                assert!(what.contains(word), "{word}: {what}");
-            }
-            other => panic!("{text}: {other:?}"),
-        }
-    }
 }
 
 /// Nodes whose cells all belong to one part of a body have the same rows, loads and contact rows in the part; the part may float and have

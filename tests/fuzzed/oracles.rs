@@ -8,7 +8,7 @@ use semismooth::complementarity::{Mcp, McpOptions, McpSolver, WithJacobian};
 use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
-use semismooth::fem::{parse_getfem, parse_gmsh};
+use semismooth::fem::parse_gmsh;
 use semismooth::piecewise::{PiecewiseSmooth, select};
 use semismooth::sparse::{Matrix, Pattern, parse_matrix_market, parse_vector};
 
@@ -52,10 +52,6 @@ pub fn readers(data: &[u8]) {
         let _ = mesh.boundary();
     }
     let text = String::from_utf8_lossy(data);
-    if let Ok(mesh) = parse_getfem(&text, none) {
-        assert!(mesh.num_cells() > 0);
-        let _ = mesh.boundary();
-    }
     if let Ok(matrix) = parse_matrix_market(&text) {
         assert!(matrix.check_finite().is_ok());
         assert!(
