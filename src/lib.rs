@@ -63,6 +63,7 @@ pub mod sparse;
 mod spread;
 pub mod stability;
 pub mod sweep;
+mod tolerances;
 pub mod variational;
 mod words;
 

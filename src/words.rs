@@ -5,7 +5,10 @@ use std::fmt;
 use thiserror::Error;
 
 /// Longest part of a word that an error repeats.
-const SHOWN: usize = 40;
+pub(crate) const SHOWN: usize = 40;
+
+/// Names that an error lists.
+pub(crate) const LISTED: usize = 20;
 
 /// A word that names no value of an enum.
 ///

@@ -1,7 +1,8 @@
 //! When a point counts as a solution of a box LCP: the rule of [`judge`](crate::judge), stated in the documentation of this module.
 
 use super::columns::BoxLcp;
-use crate::judge::{Point, ROUNDING};
+use crate::judge::Point;
+use crate::tolerances::ROUNDING;
 
 /// Unknowns beyond 2⁴⁸ have hardly a digit after the point: an active set is not looked for there.
 pub(super) const LARGEST: f64 = 281_474_976_710_656.0;

@@ -1,9 +1,7 @@
 use super::scratch::Scratch;
 use super::{ComplementarityError, McpFunction};
 use crate::sparse::{Coloring, Matrix, Pattern};
-
-/// Relative step of central differences, the cube root of the rounding unit.
-const CENTRAL: f64 = 6.055e-6;
+use crate::tolerances::CENTRAL;
 
 /// A function given by its value alone; its Jacobian is made of coloured finite differences.
 ///

@@ -236,9 +236,20 @@ impl Stated<'_> {
 
     /// x between its bounds, F(x) with the sign that belongs to the bound reached.
     fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
-        const VALUE: usize = 0;
-        const OVER_LOWER: usize = 1;
-        const OVER_UPPER: usize = 2;
+        /// The forms of a component, in their order.
+        #[derive(Clone, Copy)]
+        enum Form {
+            Value,
+            OverLower,
+            OverUpper,
+        }
+        use Form::{OverLower, OverUpper, Value};
+        let places = |facets: &[(Form, i8)]| {
+            facets
+                .iter()
+                .map(|(form, sign)| (*form as usize, *sign))
+                .collect()
+        };
         let n = self.lower.len();
         let values = self.values(alpha)?;
         let over = |i: usize, bound: f64| {
@@ -250,34 +261,34 @@ impl Stated<'_> {
             let (below, above) = (l.is_finite(), u.is_finite());
             let mut inside = Vec::new();
             if below {
-                inside.push((OVER_LOWER, 1));
+                inside.push((OverLower, 1));
             }
             if above {
-                inside.push((OVER_UPPER, -1));
+                inside.push((OverUpper, -1));
             }
             let conditions = |piece: &Piece| match piece {
-                Piece::Lower => (OVER_LOWER, vec![(VALUE, 1)]),
-                Piece::Interior => (VALUE, inside.clone()),
-                Piece::Upper => (OVER_UPPER, vec![(VALUE, -1)]),
-                Piece::Fixed => (OVER_LOWER, Vec::new()),
+                Piece::Lower => (OverLower, vec![(Value, 1)]),
+                Piece::Interior => (Value, inside.clone()),
+                Piece::Upper => (OverUpper, vec![(Value, -1)]),
+                Piece::Fixed => (OverLower, Vec::new()),
             };
             let own = pieces(l, u).iter().enumerate();
             let own = own.map(|(piece, kind)| {
                 let (form, facets) = conditions(kind);
                 ExactPiece {
                     piece,
-                    equalities: vec![(i, form)],
-                    facets,
+                    equalities: vec![(i, form as usize)],
+                    facets: places(&facets),
                 }
             });
             let mut implied = inside.clone();
             if below != above {
-                implied.push((VALUE, if below { 1 } else { -1 }));
+                implied.push((Value, if below { 1 } else { -1 }));
             }
             ExactSite {
                 forms: vec![values[i].clone(), over(i, l), over(i, u)],
                 pieces: own.collect(),
-                implied,
+                implied: places(&implied),
             }
         };
         Some(ExactConditions {

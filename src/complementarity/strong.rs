@@ -9,13 +9,7 @@ use crate::piecewise::{
     active_set, near, singular, square,
 };
 use crate::sparse::Matrix;
-
-/// Reciprocal condition below which a matrix counts as singular, and part of its terms below which a minor counts as 0.
-const SINGULAR: f64 = 1e-11;
-/// Least eigenvalue of a symmetric part, relative to the largest, above which it is definite.
-const DEFINITE: f64 = 1e-10;
-/// Degenerate components up to which eigenvalues are computed.
-const DENSE: usize = 500;
+use crate::tolerances::{CHECKED, DENSE, DOUBTFUL};
 
 /// Whether a solution of an MCP is strongly regular: the linearised problem has a unique solution near x, a Lipschitz function of all
 /// small perturbations, and so has the problem itself (S. M. Robinson, Strongly regular generalized equations, Math. Oper. Res. 5 (1980)).
@@ -121,7 +115,7 @@ impl Ends<'_> {
         let mut exact = ExactSigns::new(self.map, self.x);
         let least = match exact {
             Some(_) => near(base.nrows()),
-            None => SINGULAR,
+            None => DOUBTFUL,
         };
         let schur = match schur_complement(&base, &full, beta, least)? {
             Some(schur) => schur,
@@ -217,7 +211,7 @@ impl Schur {
         Self {
             rows: vec![vec![0.0; size]; size],
             terms: vec![vec![f64::INFINITY; size]; size],
-            rounding: SINGULAR,
+            rounding: DOUBTFUL,
         }
     }
 }
@@ -258,7 +252,7 @@ fn schur_complement(
     Ok(Some(Schur {
         rows: schur,
         terms,
-        rounding: rounding.max(SINGULAR),
+        rounding: rounding.max(DOUBTFUL),
     }))
 }
 
@@ -330,7 +324,7 @@ fn is_p_matrix(
     // Without exact arithmetic, values that may be rounding errors count as 0.
     let rounding = match exact {
         Some(_) => *rounding,
-        None => SINGULAR,
+        None => DOUBTFUL,
     };
     let mut clear = true;
     for i in 0..p {
@@ -432,7 +426,7 @@ fn has_definite_part(rows: &Rows, terms: &Rows, rounding: f64) -> Result<bool, P
         return Ok(false);
     };
     let values = symmetric_eigenvalues(&symmetric)?;
-    Ok(values[0] > DEFINITE * values[p - 1] + error)
+    Ok(values[0] > CHECKED * values[p - 1] + error)
 }
 
 #[cfg(test)]
@@ -444,7 +438,7 @@ mod tests {
         Schur {
             rows: m.to_vec(),
             terms: m.iter().map(sizes).collect(),
-            rounding: SINGULAR,
+            rounding: DOUBTFUL,
         }
     }
 

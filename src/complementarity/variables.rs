@@ -3,9 +3,7 @@
 use std::ops::Range;
 
 use super::ComplementarityError;
-
-/// Names listed in an error.
-const LISTED: usize = 20;
+use crate::words::LISTED;
 
 /// The variables of a problem in named blocks, each with its bounds, so that models need no arithmetic with indices.
 ///

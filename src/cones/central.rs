@@ -9,6 +9,7 @@ use super::run::{Run, TAIL};
 use crate::linear::{Cholesky, LinearSolver};
 use crate::run::Status;
 use crate::sparse::{Matrix, Pattern, max_abs};
+use crate::tolerances::RESULT;
 
 /// Most steps; a step is short below SHORT, and the iteration ends after so many short ones in a row.
 const STEPS: usize = 100;
@@ -43,13 +44,10 @@ impl Image for Evaluated<'_> {
     }
 }
 
-/// Indefiniteness that counts as rounding, relative to the largest entry.
-const ROUNDING: f64 = 1e-12;
-
 /// Whether M + Mᵀ is positive semidefinite, up to rounding.
 pub(super) fn is_monotone(matrix: &Matrix) -> Result<bool, ConeError> {
     let n = matrix.nrows();
-    let shift = ROUNDING * max_abs(matrix.values());
+    let shift = RESULT * max_abs(matrix.values());
     let mut entries: Vec<_> = (0..n).map(|i| (i, i, shift)).collect();
     for (i, j, v) in matrix.triplets() {
         entries.extend([(i, j, 0.5 * v), (j, i, 0.5 * v)]);

@@ -4,8 +4,9 @@ use std::cell::OnceCell;
 
 use super::run::Run;
 use super::{Cone, ConeError};
-use crate::judge::{Columns, Parts, ROUNDING, SUM};
+use crate::judge::{Columns, Parts};
 use crate::sparse::{max_abs, norm};
+use crate::tolerances::{ROUNDING, SUM};
 
 /// An entry of a cone counts with at least this part of the norm of all its entries: some rounding errors of the norm are then within the
 /// tolerance.

@@ -8,9 +8,7 @@ use super::{Cone, ConeError};
 use crate::complementarity::{McpFunction, Scratch};
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, max_abs};
-
-/// Distance of x − F from the tip of a cone, relative to the largest variable, below which the projection has no derivative.
-const TIP: f64 = 1e-8;
+use crate::tolerances::HALF_DIGITS;
 
 /// x − P(x − F(x, θ)), P the projection on a product of half-lines, second-order cones and free variables, with its pieces: for
 /// derivatives of solutions in parameters θ, which stand behind the unknowns ([`Sensitivity`](crate::sensitivity::Sensitivity)).
@@ -339,7 +337,7 @@ impl<F: McpFunction> PiecewiseSmooth for ConePieces<F> {
         let largest = max_abs(x);
         for (s, site) in self.sites.iter().enumerate().filter(|(_, site)| site.len() > 1) {
             let block = Block::new(&work.z[site.clone()]);
-            if selection.piece(s) == BETWEEN && block.norm <= TIP * largest {
+            if selection.piece(s) == BETWEEN && block.norm <= HALF_DIGITS * largest {
                 jac.add(site.start, site.start, f64::NAN);
             }
         }

@@ -1,9 +1,7 @@
 //! Square roots in the Jordan algebra of a second-order cone, and the Fischer–Burmeister function that is made of them.
 
 use crate::sparse::norm;
-
-/// Part of the larger eigenvalue below which the smaller one of the root is rounding: x² + y² lies on the boundary of the cone.
-const SMALL: f64 = 16.0 * f64::EPSILON;
+use crate::tolerances::SUM;
 
 /// The eigenvalues of z = (x² + y² + 2 μ² e)^½, which belong to the idempotents ½ (1, w) and ½ (1, −w), ‖w‖ = 1.
 #[derive(Clone, Copy)]
@@ -78,7 +76,7 @@ pub(super) fn derivatives(
         return derivatives(0.0, [&x, &y], None, by, room);
     }
     // (a₁ − a₀ w)/λ for the smaller eigenvalue λ, or the limits.
-    let boundary = root.small <= SMALL * root.large;
+    let boundary = root.small <= SUM * root.large;
     let squares = x[0] * x[0] + y[0] * y[0];
     let along = |d: &dyn Fn(usize) -> f64| -> f64 { (1..n).map(|i| axis[i] * d(i)).sum() };
     let (along_x, along_y) = (along(&unit), along(&rate));

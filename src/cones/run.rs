@@ -11,9 +11,9 @@ use crate::linear::{AutoSolver, LinearSolver};
 use crate::run::Status;
 use crate::sparse::{Matrix, Pattern, max_abs, pieces};
 use crate::spread::Random;
+use crate::tolerances::ARMIJO;
 
 /// Part of the merit by which a step must reduce it, and the shortest step that is tried.
-const DECREASE: f64 = 1e-4;
 const SHORTEST: f64 = 1e-8;
 /// The smoothing parameter follows the merit: μ ≤ NEARNESS ‖Φ‖, and falls at least by the factor FALL.
 const NEARNESS: f64 = 0.1;
@@ -446,7 +446,7 @@ impl<'a> Run<'a> {
                 self.problem.function().value(&self.trial, &mut self.f);
                 self.add_proximal(true);
                 let value = self.map(map, true);
-                if value <= (1.0 - DECREASE * damping) * *merit {
+                if value <= (1.0 - ARMIJO * damping) * *merit {
                     std::mem::swap(&mut self.x, &mut self.trial);
                     if self.differentiate()? {
                         *merit = value;

@@ -5,14 +5,12 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 use nalgebra::{DMatrix, DVector};
 
 use super::ConeError;
+use crate::linear::SWEEPS;
 use crate::sparse::max_abs;
+use crate::tolerances::SUM;
 
-/// Sweeps of the eigenvalue iteration for each row.
-const SWEEPS: usize = 100;
 /// Part of the largest eigenvalue of a root below which one is lost in the rounding of squares.
 const SEPARATE: f64 = 1e-4;
-/// Part of the largest eigenvalue of a root, for each row, below which one is rounding.
-const SMALL: f64 = 8.0 * f64::EPSILON;
 
 /// The upper triangle of a symmetric matrix column by column, off-diagonal entries times √2: (x₁₁, √2 x₁₂, x₂₂, √2 x₁₃, …), so that the
 /// scalar product of two such vectors is the trace of the product of the matrices. Only the upper triangle is read.
@@ -184,7 +182,7 @@ pub(super) fn smoothed_derivatives(
     }
     let range = roots
         .iter()
-        .filter(|z| **z > SMALL * order as f64 * largest)
+        .filter(|z| **z > SUM * order as f64 * largest)
         .count();
     let mut limits = [DMatrix::zeros(0, 0), DMatrix::zeros(0, 0)];
     let mut slopes = roots.clone();

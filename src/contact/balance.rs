@@ -6,15 +6,12 @@ use crate::interface::View;
 use crate::linear::{Cholesky, LinearSolver};
 use crate::sparse::{Matrix, dot};
 use crate::spread::Random;
+use crate::tolerances::{HALF_DIGITS, RESULT};
 use crate::variational::{Polyhedron, Projection};
 
 /// The shift added to the matrix scaled to unit diagonal, and the number of inverse iterations with it.
 const SHIFT: f64 = 1e-10;
 const STEPS: usize = 8;
-/// Largest energy of a zero-energy motion, relative to the sum of the moduli of its terms.
-const ROUNDING: f64 = 1e-12;
-/// Displacements of contact nodes in such a motion, and resultants of the load, below this share of their terms count as zero.
-const NOTHING: f64 = 1e-8;
 
 /// Largest number of zero-energy motions that are looked for: those of two solids, or of four plane bodies.
 const MOTIONS: usize = 12;
@@ -73,7 +70,8 @@ pub(super) fn free_motion(a: &Matrix, start: Vec<f64>) -> Option<Vec<f64>> {
         terms += term.abs();
     }
     // NaN counts as no such motion.
-    let (energy, free) = (energy.abs(), ROUNDING * terms);
+    // The energy of a motion without energy is what rounding leaves of its terms.
+    let (energy, free) = (energy.abs(), RESULT * terms);
     if energy.is_nan() || energy > free {
         return None;
     }
@@ -158,7 +156,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
                 z.iter_mut().zip(motion).for_each(|(z, m)| *z += c * m);
             }
             let size = z[largest(&z)].abs();
-            if size.is_nan() || size <= NOTHING * dot(&wanted, &wanted).sqrt() {
+            if size.is_nan() || size <= HALF_DIGITS * dot(&wanted, &wanted).sqrt() {
                 return None;
             }
             z.iter_mut().for_each(|z| *z /= size);
@@ -169,7 +167,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
             for i in 0..p {
                 let slip = |d: usize| friction[i][d] * moved.get((d + 1) * p + i).copied().unwrap_or(0.0);
                 let length = slip(0).hypot(slip(1));
-                if length > 0.0 && moved[i] + length > NOTHING {
+                if length > 0.0 && moved[i] + length > HALF_DIGITS {
                     rays.push(ray(i, [slip(0) / length, slip(1) / length]));
                 }
             }
@@ -189,7 +187,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         let law = &self.law.law;
         let work = dot(load, z);
         let size: f64 = load.iter().zip(z).map(|(f, z)| (f * z).abs()).sum();
-        if work.is_nan() || work <= NOTHING * size {
+        if work.is_nan() || work <= HALF_DIGITS * size {
             return None;
         }
         let p = self.num_contacts();
@@ -199,7 +197,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
             let moves = |d: usize| moved.get(d * p + v.node).copied().unwrap_or(0.0);
             let slip = |d: usize| friction[d - 1] * moves(d);
             let nearer = moves(0) + slip(1).hypot(slip(2));
-            if nearer.is_nan() || nearer > NOTHING {
+            if nearer.is_nan() || nearer > HALF_DIGITS {
                 return None;
             }
         }

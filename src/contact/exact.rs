@@ -74,6 +74,19 @@ fn at_rest(body: &ContactBody, reference: &[f64], k: usize) -> f64 {
     if k < p { body.gap[k] } else { reference[k - p] }
 }
 
+/// The forms of a node, in their order.
+#[derive(Clone, Copy)]
+enum Form {
+    Pressure,
+    Traction,
+    Gap,
+    Slip,
+    /// λt − F λν.
+    Below,
+    /// λt + F λν.
+    Above,
+}
+
 /// The pieces open, stick, slip+, slip− of a node with the forms λν, λt; gap − u_ν, −u_t; F; and the rows of the map to which they
 /// correspond.
 fn coulomb(
@@ -82,35 +95,36 @@ fn coulomb(
     friction: &Exact,
     rows: [usize; 2],
 ) -> ExactSite {
-    const PRESSURE: usize = 0;
-    const TRACTION: usize = 1;
-    const GAP: usize = 2;
-    const SLIP: usize = 3;
-    const BELOW: usize = 4;
-    const ABOVE: usize = 5;
+    use Form::{Above, Below, Gap, Pressure, Slip, Traction};
     let below = traction.plus(&-friction, &pressure);
     let above = traction.plus(friction, &pressure);
-    let piece = |piece, [normal, tangential]: [usize; 2], facets: &[(usize, i8)]| ExactPiece {
-        piece,
-        equalities: vec![(rows[0], normal), (rows[1], tangential)],
-        facets: facets.to_vec(),
+    let places = |facets: &[(Form, i8)]| {
+        facets
+            .iter()
+            .map(|(form, sign)| (*form as usize, *sign))
+            .collect()
     };
-    let mut pieces = vec![piece(0, [PRESSURE, TRACTION], &[(GAP, 1)])];
-    let mut implied = vec![(PRESSURE, 1), (GAP, 1)];
+    let piece = |piece, [normal, tangential]: [Form; 2], facets: &[(Form, i8)]| ExactPiece {
+        piece,
+        equalities: vec![(rows[0], normal as usize), (rows[1], tangential as usize)],
+        facets: places(facets),
+    };
+    let mut pieces = vec![piece(0, [Pressure, Traction], &[(Gap, 1)])];
+    let mut implied = vec![(Pressure, 1), (Gap, 1)];
     // Where F < 0 only the open piece has solutions.
     if friction.sign() >= 0 {
-        let mut sticking = vec![(BELOW, -1), (ABOVE, 1)];
+        let mut sticking = vec![(Below, -1), (Above, 1)];
         if friction.is_zero() {
-            sticking.push((PRESSURE, 1));
+            sticking.push((Pressure, 1));
         }
-        pieces.push(piece(1, [GAP, SLIP], &sticking));
-        pieces.push(piece(2, [GAP, BELOW], &[(SLIP, -1), (PRESSURE, 1)]));
-        pieces.push(piece(3, [GAP, ABOVE], &[(SLIP, 1), (PRESSURE, 1)]));
-        implied.extend([(BELOW, -1), (ABOVE, 1)]);
+        pieces.push(piece(1, [Gap, Slip], &sticking));
+        pieces.push(piece(2, [Gap, Below], &[(Slip, -1), (Pressure, 1)]));
+        pieces.push(piece(3, [Gap, Above], &[(Slip, 1), (Pressure, 1)]));
+        implied.extend([(Below, -1), (Above, 1)]);
     }
     ExactSite {
         forms: vec![pressure, traction, gap, slip, below, above],
         pieces,
-        implied,
+        implied: places(&implied),
     }
 }

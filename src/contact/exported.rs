@@ -2,10 +2,10 @@
 
 use super::{ContactBody, ContactError, LoadPath};
 use crate::sparse::Matrix;
+use crate::tolerances::CHECKED;
 
-/// Relative to the largest entry: differences of a_ij and a_ji up to EXACT are rounding of 64-bit numbers (as in the condensed form), those
+/// Relative to the largest entry: differences of a_ij and a_ji up to CHECKED are rounding of 64-bit numbers (as in the condensed form), those
 /// up to WRITTEN of files with seven digits or more, and larger ones are meant.
-const EXACT: f64 = 1e-10;
 const WRITTEN: f64 = 1e-6;
 
 impl ContactBody {
@@ -35,7 +35,7 @@ impl ContactBody {
         load: LoadPath,
     ) -> Result<(Self, Option<String>), ContactError> {
         super::body::check_matrices(&a, &[&normal])?;
-        let found = a.asymmetry(EXACT);
+        let found = a.asymmetry(CHECKED);
         let (Some((row, col, difference)), None) = (found, a.asymmetry(WRITTEN)) else {
             return Ok((Self::new(a, normal, tangential, load)?, None));
         };

@@ -3,6 +3,7 @@
 use super::ContactError;
 use crate::linear::{Condensation, dense_zeros, generalized_eigenvalues, symmetric_eigenvalues};
 use crate::sparse::{Matrix, Pattern};
+use crate::tolerances::HALF_DIGITS;
 
 /// Checks that the pairing (multipliers × displacements) has full row rank: no non-zero multiplier is orthogonal to all displacements.
 ///
@@ -60,9 +61,6 @@ pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
     Ok(())
 }
 
-/// Largest excess of a generalised eigenvalue over 1 that counts as rounding.
-const ROUNDING: f64 = 1e-8;
-
 /// The discrete inf-sup constant β of a space of multipliers: β² = λmin(S, S_ref), where S = Q K⁻¹ Qᵀ with the pairing Q and the metric K
 /// of the displacements, and S_ref the same on a mesh fine enough to represent all displacements. Each argument is (K, Q).
 ///
@@ -84,7 +82,7 @@ pub fn inf_sup_constant(
     let s_ref = Condensation::new(reference.0, reference.1)?;
     let values = generalized_eigenvalues(s.compliance(), s_ref.compliance())?;
     let largest = values.last().copied().unwrap_or(0.0);
-    if largest > 1.0 + ROUNDING {
+    if largest > 1.0 + HALF_DIGITS {
         return Err(ContactError::Invalid {
             what: format!(
                 "the pairings or spaces do not belong together: a multiplier is seen {:.6} times better by the space than by its \

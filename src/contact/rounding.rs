@@ -6,9 +6,7 @@ use super::problem::Contact;
 use super::solution::judge;
 use crate::interface::View;
 use crate::sparse::{Matrix, max_abs};
-
-/// Part of its terms below which a residual is rounding: 64 units in the last place of a sum of some dozens of terms.
-const ROUNDING: f64 = 64.0 * f64::EPSILON;
+use crate::tolerances::ROUNDING;
 
 /// Largest residual of a solution relative to the largest force, the default of [`ReducedOptions`](super::ReducedOptions).
 pub(super) const SOLVED: f64 = 1e-10;

@@ -13,9 +13,7 @@ use crate::linear::LinearError;
 use crate::piecewise::{PiecewiseSmooth, check_vector};
 use crate::sensitivity::{Differentiability, Directional, Sensitivity, SensitivityError, Validity};
 use crate::sparse::{Matrix, Pattern};
-
-/// Columns of B A⁻¹ E computed at once.
-const BATCH: usize = 64;
+use crate::tolerances::COLUMNS;
 
 /// A change of a contact solution to first order.
 #[derive(Debug, Clone, PartialEq)]
@@ -173,7 +171,7 @@ fn condensed<V: View, G: PiecewiseSmooth>(
     };
     let moving: Vec<usize> = (0..k).filter(|&j| column(j).any(|e| e.1 != 0.0)).collect();
     if moving.len() <= q {
-        for some in moving.chunks(BATCH) {
+        for some in moving.chunks(COLUMNS) {
             let mut forces = vec![0.0; n * some.len()];
             for (own, &j) in forces.chunks_exact_mut(n).zip(some) {
                 column(j).for_each(|(i, v)| own[i] = v);

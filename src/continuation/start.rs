@@ -15,9 +15,7 @@ use crate::piecewise::{
 };
 use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
-
-/// Distance from a facet, relative to 1 + ‖x‖, within which a start is on it.
-const EXACT: f64 = 1e-14;
+use crate::tolerances::{ROUNDING, SAME, TANGENTIAL};
 
 /// The direction in which to leave the start.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,12 +32,11 @@ pub enum Direction {
 
 /// The start, moved onto the bound of its parameter where rounding put it beyond; starts further outside are refused.
 fn inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<Vec<f64>, ContinuationError> {
-    const ROUNDING: f64 = 1e-10;
     let mut inside = x.to_vec();
     if let Some(alpha) = inside.last_mut() {
         let value = *alpha;
         *alpha = value.max(lower).min(upper);
-        if (value - *alpha).abs() > ROUNDING * (1.0 + value.abs()) {
+        if (value - *alpha).abs() > SAME * (1.0 + value.abs()) {
             return Err(ContinuationError::Option {
                 name: "start",
                 value,
@@ -52,12 +49,10 @@ fn inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<Vec<f64>, Continuatio
 
 /// Whether every row of H = `r` is small against its own terms: the norm sees only those in the largest units.
 fn rows_vanish(jac: &Matrix, x: &[f64], r: &[f64]) -> bool {
-    const SMALL: f64 = 1e-9;
-    const ROUNDING: f64 = 1e-12;
     let mut terms = vec![0.0; r.len()];
     let length = norm(x);
     for (i, j, v) in jac.triplets() {
-        terms[i] += v.abs() * (SMALL * x[j].abs()).max(ROUNDING * length);
+        terms[i] += v.abs() * (SAME * x[j].abs()).max(ROUNDING * length);
     }
     r.iter().zip(terms).all(|(r, terms)| r.abs() <= terms)
 }
@@ -70,8 +65,6 @@ fn is_branch_point(
     (jac, x, r): (&Matrix, &[f64], &[f64]),
     step: f64,
 ) -> bool {
-    const SMALL: f64 = 1e-8;
-    const ROUNDING: f64 = 1e-13;
     let away: Vec<f64> = x.iter().map(|v| v + step).collect();
     let mut there = Matrix::zeros(map.pattern());
     map.jacobian(selection, &away, &mut there);
@@ -81,7 +74,7 @@ fn is_branch_point(
         sums[i].1 += far.abs();
         sums[i].2 += near.abs().max(far.abs()) * away[j].abs().max(step);
     }
-    let singular = sums.iter().any(|s| s.0 <= SMALL * s.1);
+    let singular = sums.iter().any(|s| s.0 <= SAME * s.1);
     singular && r.iter().zip(&sums).all(|(r, s)| r.abs() <= ROUNDING * s.2)
 }
 
@@ -124,11 +117,16 @@ fn onto_curve(
 }
 
 fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, ContinuationError> {
-    const FLAT: f64 = 1e-10;
     let rate = |a: &Arm| a.tangent.last().copied().unwrap_or(0.0);
     let (found, wanted) = match direction {
-        Direction::Increasing => (arms.list.iter().find(|a| rate(a) > FLAT), "increasing parameter"),
-        Direction::Decreasing => (arms.list.iter().find(|a| rate(a) < -FLAT), "decreasing parameter"),
+        Direction::Increasing => (
+            arms.list.iter().find(|a| rate(a) > TANGENTIAL),
+            "increasing parameter",
+        ),
+        Direction::Decreasing => (
+            arms.list.iter().find(|a| rate(a) < -TANGENTIAL),
+            "decreasing parameter",
+        ),
         Direction::Along(v) => {
             let length = norm(v);
             let unit: Vec<f64> = v.iter().map(|c| c / length).collect();
@@ -316,7 +314,7 @@ impl<'a> Curve<'a> {
         let found = self.vanishing_here(&[]);
         let mut met = Vec::with_capacity(found.len());
         for v in found {
-            let rounding = EXACT * v.gradient_norm * (1.0 + norm(&self.here.x));
+            let rounding = ROUNDING * v.gradient_norm * (1.0 + norm(&self.here.x));
             if self.here.theta[v.index].abs() <= rounding || self.passes_across(&v)? {
                 met.push(v);
             }

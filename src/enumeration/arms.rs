@@ -17,21 +17,16 @@ use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, check_vector,
 };
 use crate::sparse::norm;
+use crate::tolerances::{GIGABYTE, TANGENTIAL};
 
 /// Two unit tangents closer than this are one arm.
 const SAME: f64 = 1e-7;
-/// Rate of a test function, relative to its gradient, that counts as zero.
-const TANGENTIAL: f64 = 1e-9;
 /// Largest number of linear systems in the local search, per start.
 const SOLVES: usize = 100;
 /// Selections examined one by one where the table of the search would not fit.
 const LARGE: u64 = 4096;
-/// Pieces in a list of selections to be examined one by one.
-const LISTED: usize = 1 << 27;
 /// Selections listed between two checks of the time limit.
 const LOOKS: usize = 1000;
-/// |α̇|, in scaled variables, up to which an arm counts as vertical.
-const VERTICAL: f64 = 1e-9;
 
 /// An arm: a half-line of directions τ = (ẏ, α̇) with H'(x; τ) = 0.
 #[derive(Debug, Clone, PartialEq)]
@@ -205,7 +200,7 @@ fn arms_of(
         found.completeness = Completeness::Undecided { selections: 0, doubt };
     }
     for arm in &mut found.arms {
-        if let Some(rate) = arm.tangent.last_mut().filter(|r| r.abs() <= VERTICAL) {
+        if let Some(rate) = arm.tangent.last_mut().filter(|r| r.abs() <= TANGENTIAL) {
             *rate = 0.0;
         }
         scaled.unscale_direction(&mut arm.tangent);
@@ -422,7 +417,7 @@ fn selections(
     let sizes = active.degenerate_sites().iter().map(|s| s.1.len() as f64);
     let total = sizes.product();
     let limit = usize::try_from(limit).unwrap_or(usize::MAX);
-    let limit = limit.min(LISTED / map.num_sites().max(1)).max(1);
+    let limit = limit.min(GIGABYTE / map.num_sites().max(1)).max(1);
     let deadline = deadline.half();
     let intime = |s: &(usize, Selection)| !s.0.is_multiple_of(LOOKS) || !deadline.is_over();
     let listed = active.selections().take(limit).enumerate();

@@ -7,8 +7,6 @@ use super::system::System;
 use super::table::{Form, Table};
 use crate::clock::Deadline;
 
-/// Relative error of each number of a form, and of each operation on them.
-const EPS: f64 = f64::EPSILON;
 /// Far below all numbers of size one: accounts for underflow.
 const UNDERFLOW: f64 = 1e-290;
 
@@ -146,7 +144,7 @@ impl Certificates {
                 slack += a.abs() * reach;
             }
         }
-        let rounding = (row.columns.len() as f64 + 8.0) * EPS;
+        let rounding = (row.columns.len() as f64 + 8.0) * f64::EPSILON;
         slack += missing.abs() + rounding * size;
         for ((r, s), radius) in rest.iter().zip(&self.radii) {
             if *s != 0.0 {
@@ -177,7 +175,7 @@ mod tests {
         Form {
             constant,
             coefficients: coefficients.to_vec(),
-            error: EPS,
+            error: f64::EPSILON,
         }
     }
 
@@ -249,7 +247,12 @@ mod tests {
                 let fixed = form(c, &[0.0, 1.0]);
                 assert!(!proven(&[fixed.clone(), form(c * a, &[0.0, a])], 1e-9), "{a} {c}");
                 // Each constant and each coefficient may have a rounding error of its own.
-                for off in [EPS, -EPS, 2.0 * EPS, -2.0 * EPS] {
+                for off in [
+                    f64::EPSILON,
+                    -f64::EPSILON,
+                    2.0 * f64::EPSILON,
+                    -2.0 * f64::EPSILON,
+                ] {
                     let own = form(c * a * (1.0 + off), &[0.0, a]);
                     assert!(!proven(&[fixed.clone(), own], 1e-9), "{a} {c} {off:e}");
                 }

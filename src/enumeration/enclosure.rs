@@ -2,8 +2,6 @@
 
 use crate::clock::Deadline;
 
-/// Relative error of each number given, and of each operation on them.
-const EPS: f64 = f64::EPSILON;
 /// Norm of I − B G up to which B counts as an approximate inverse.
 const NEAR: f64 = 0.25;
 
@@ -42,7 +40,7 @@ impl Enclosure {
             row.filter(|(_, b)| *b != 0.0)
         };
         let rows: Vec<Vec<(usize, f64)>> = (0..n).map(|k| entries(k).collect()).collect();
-        let rounding = (n as f64 + 8.0) * EPS;
+        let rounding = (n as f64 + 8.0) * f64::EPSILON;
         let dot = |row: &[f64], column: &dyn Fn(usize) -> f64| {
             row.iter().enumerate().fold((0.0, 0.0), |(sum, size), (k, a)| {
                 let term = a * column(k);
@@ -142,7 +140,7 @@ impl Enclosure {
             size += (a * p).abs();
             reach += a.abs() * r + error.coefficients * (p.abs() + r);
         }
-        let rounding = (coefficients.len() as f64 + 8.0) * EPS;
+        let rounding = (coefficients.len() as f64 + 8.0) * f64::EPSILON;
         let error = 1.01 * (reach + rounding * size) + f64::MIN_POSITIVE;
         (value.abs() > error).then_some(if value > 0.0 { 1 } else { -1 })
     }
@@ -288,7 +286,7 @@ impl Factors {
             upper[i] + lower.map(|(l, u)| l.abs() * u).sum::<f64>()
         };
         let largest = (0..n).map(of_row).fold(0.0, f64::max);
-        (n as f64 + 4.0) * EPS * largest
+        (n as f64 + 4.0) * f64::EPSILON * largest
     }
 }
 
@@ -296,7 +294,7 @@ impl Factors {
 mod tests {
     use std::cell::Cell;
 
-    use super::{EPS, Enclosure, Error, Factors};
+    use super::{Enclosure, Error, Factors};
     use crate::clock::Deadline;
 
     fn enclosed(matrix: &[f64], constants: &[f64], errors: &[Error]) -> Option<Enclosure> {
@@ -373,7 +371,7 @@ mod tests {
             terms.sum()
         };
         let row = |i: usize| (0..n).map(|j| entry(i, j)).sum::<f64>();
-        let bound = (n as f64 + 4.0) * EPS * (0..n).map(row).fold(0.0, f64::max);
+        let bound = (n as f64 + 4.0) * f64::EPSILON * (0..n).map(row).fold(0.0, f64::max);
         assert!((factors.defect() / bound - 1.0).abs() < 1e-13);
     }
 

@@ -4,10 +4,12 @@ use num_bigint::BigInt;
 use num_traits::{One, Zero};
 
 use super::EnumerationOptions;
-use super::proof::MAX_WORK;
 use crate::clock::Deadline;
 use crate::exact::{Dictionary, Exact, Halt, LOOKED_AT, quotient};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite};
+
+/// Numbers that exact arithmetic may write at most: some seconds.
+pub(super) const MAX_WORK: u64 = 20_000_000;
 
 /// Numbers that exact arithmetic may write for each node that the search may have: some seconds at most.
 const WORK_PER_NODE: u64 = 20;

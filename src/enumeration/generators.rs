@@ -2,12 +2,9 @@
 //! description method (T. Motzkin, H. Raiffa, G. Thompson, R. Thrall, 1953; adjacency as in K. Fukuda, A.
 //! Prodon, 1996).
 
+use crate::tolerances::SELECTIONS;
 use num_bigint::BigInt;
 use num_traits::{One, Signed, Zero};
-
-/// Generators kept at most on the way: pairs of them are compared with all others. As many as the selections
-/// of one solution that are examined.
-const MOST: usize = super::lists::LISTED as usize;
 
 /// In homogeneous coordinates (t, y), of which each vector has no common divisor.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -57,7 +54,7 @@ pub(super) fn generators(dimension: usize, rows: &[Vec<BigInt>], work: &mut u64)
             Some(place) => halve(&mut lines, &mut rays, place, (k, row), inequalities.len()),
             None => cut(&mut rays, (k, row), work),
         }
-        if rays.len() > MOST {
+        if rays.len() > SELECTIONS as usize {
             return None;
         }
     }

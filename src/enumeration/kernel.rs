@@ -1,14 +1,9 @@
 //! Gauss–Jordan elimination with full pivoting: a particular solution and the kernel of a small system of any rank.
 
-/// Pivots below this, relative to the largest entry of the scaled matrix, count as zero.
-const RANK: f64 = 1e-10;
+use crate::tolerances::{CHECKED, ROUNDING, SAME};
 
 /// Unknowns up to which the kernel of a singular matrix is computed: elimination is dense.
 pub(super) const MAX_KERNEL: usize = 4000;
-/// Columns whose entries are all below this, in rows of size one, are rounding noise.
-pub(super) const NOISE: f64 = 1e-14;
-/// Equations whose inconsistency is less than this, as a distance relative to 1 + the largest, are consistent.
-const CONSISTENT: f64 = 1e-9;
 
 /// All solutions of a linear system: a particular one and a basis of the kernel.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,10 +30,10 @@ pub(super) fn solutions(mut rows: Vec<Vec<f64>>, unknowns: usize) -> Option<Affi
     }
     for row in &mut rows {
         for (v, s) in row.iter_mut().zip(&scale) {
-            *v = if *s <= NOISE { 0.0 } else { *v / s };
+            *v = if *s <= ROUNDING { 0.0 } else { *v / s };
         }
     }
-    for s in scale.iter_mut().filter(|s| **s <= NOISE) {
+    for s in scale.iter_mut().filter(|s| **s <= ROUNDING) {
         *s = 1.0;
     }
     let mut pivots: Vec<usize> = Vec::new();
@@ -53,7 +48,7 @@ pub(super) fn solutions(mut rows: Vec<Vec<f64>>, unknowns: usize) -> Option<Affi
                 }
             }
         }
-        if best.0 <= RANK {
+        if best.0 <= CHECKED {
             break;
         }
         let (_, r, c) = best;
@@ -74,7 +69,8 @@ pub(super) fn solutions(mut rows: Vec<Vec<f64>>, unknowns: usize) -> Option<Affi
         pivots.push(c);
     }
     // With rows of size one the constants are distances.
-    let limit = CONSISTENT * (1.0 + constants);
+    // Equations whose inconsistency is less than this distance are consistent.
+    let limit = SAME * (1.0 + constants);
     if rows[pivots.len()..].iter().any(|r| r[unknowns].abs() > limit) {
         return None;
     }

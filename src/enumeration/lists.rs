@@ -5,8 +5,6 @@ use std::fmt;
 use crate::piecewise::Selection;
 use crate::words::{Coordinates, Count};
 
-/// Selections of one solution up to which each is examined.
-pub(super) const LISTED: f64 = 256.0;
 /// How many are listed if there are more.
 pub(super) const NAMED: usize = 64;
 

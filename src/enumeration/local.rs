@@ -11,11 +11,10 @@ use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Te
 use crate::sparse::Matrix;
 use crate::sparse::norm;
 use crate::spread::Random;
+use crate::tolerances::TANGENTIAL;
 
 /// Largest number of linear solves for one start.
 const SOLVES: usize = 100;
-/// Rate of a test function, relative to its gradient and the direction, that counts as zero.
-const TANGENTIAL: f64 = 1e-9;
 
 /// Selections that may have arms at a point with too many degenerate sites for a complete search: those at which Newton's method on
 /// the directional problem stops, and singular ones among its iterates. It starts from `starts` random selections for either sign of α̇,

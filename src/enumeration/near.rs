@@ -3,8 +3,7 @@
 use super::Doubt;
 use super::enclosure::{Enclosure, Error};
 use super::exhaustive::{self, ExactPoint};
-use super::solutions::stated_conditions;
-use super::stated::{Scaling, forms};
+use super::stated::{Scaling, forms, stated_conditions};
 use crate::clock::Deadline;
 use crate::exact::{Dictionary, Exact, Halt};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite, PiecewiseSmooth};

@@ -3,9 +3,8 @@
 use num_bigint::BigInt;
 use num_traits::{Signed, Zero};
 
-use super::exhaustive::{Budget, ExactPoint, Tableau, elimination, piece_of};
+use super::exhaustive::{Budget, ExactPoint, MAX_WORK, Tableau, elimination, piece_of};
 use super::lists::Extent;
-use super::proof::MAX_WORK;
 use super::shape::Shape;
 use crate::exact::{Dictionary, Exact, Halt, parity};
 use crate::piecewise::ExactConditions;

@@ -9,7 +9,7 @@ use super::contradiction::{Comparison, doubt_contradictions};
 use super::enclosure::Enclosure;
 use super::exhaustive::{self, Budget, ExactPoint};
 use super::first::first_selections;
-use super::lists::{Completeness, Continuum, Doubt, Extent, LISTED, NAMED, Solution, SolutionSet};
+use super::lists::{Completeness, Continuum, Doubt, Extent, NAMED, Solution, SolutionSet};
 use super::near;
 use super::per_selection::{SelectionSolutions, decide};
 use super::reduced::{reduced_directions, reduced_solutions};
@@ -23,11 +23,8 @@ use crate::exact::Exact;
 use crate::piecewise::{
     ExactConditions, ExactForm, PiecewiseSmooth, Selection, Selections, TestLayout, cell_margin,
 };
+use crate::tolerances::SELECTIONS;
 
-/// Largest number of exact coefficients requested from a map.
-pub(super) const MAX_COEFFICIENTS: usize = 1 << 21;
-/// Numbers that exact arithmetic may write at most: some seconds.
-pub(super) const MAX_WORK: u64 = 20_000_000;
 /// Number of selections found beyond which each one is tested for a point that many of them share.
 const MANY: usize = 32;
 /// Number of negative tests after which no other is made.
@@ -51,7 +48,7 @@ pub(super) fn proven_solutions(
     let (first, begun) = gathered.begin(map, alpha, options);
     let mut settle = |pieces: &[usize], budget: &mut Budget| gathered.settle(pieces, options, budget);
     // The unknowns may have no given bounds, while others of the same problem have some.
-    let reduced = (!stated.bounded && exhaustive::elimination(conditions) <= MAX_WORK)
+    let reduced = (!stated.bounded && exhaustive::elimination(conditions) <= exhaustive::MAX_WORK)
         .then(|| reduced_solutions(conditions, deadline))
         .flatten();
     let other = reduced.as_ref().map(Stated::new);
@@ -389,7 +386,7 @@ impl<'a> Gathered<'a> {
         }
         let found = self.enclosure(pieces)?;
         let close = (0..pieces.len()).filter(|&site| self.side(pieces, site, &found) == Some(None));
-        if (close.count() as f64).exp2() <= LISTED {
+        if (close.count() as f64).exp2() <= SELECTIONS as f64 {
             return None;
         }
         self.attempts += 1;
@@ -398,7 +395,7 @@ impl<'a> Gathered<'a> {
         };
         let active = exhaustive::active(self.conditions, &point);
         let count: f64 = active.iter().map(|p| p.len() as f64).product();
-        if count <= LISTED || !self.is_alone(&point, &active, options) {
+        if count <= SELECTIONS as f64 || !self.is_alone(&point, &active, options) {
             return None;
         }
         self.attempts = 0;

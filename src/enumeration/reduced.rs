@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::proof::MAX_WORK;
+use super::exhaustive::MAX_WORK;
 use crate::clock::Deadline;
 use crate::exact::{Dictionary, Exact, Halt, Place};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite};

@@ -4,13 +4,13 @@
 use super::certificate::Certificates;
 use super::enclosure::{Enclosure, Error};
 use super::search::SelectionSearch;
-use super::solutions::stated_conditions;
-use super::stated::{Scaling, Stated};
+use super::stated::{Scaling, Stated, stated_conditions};
 use super::system::System;
 use super::table::Table;
 use crate::clock::Deadline;
 use crate::exact::Exact;
 use crate::piecewise::{ExactConditions, PiecewiseSmooth};
+use crate::tolerances::MAX_COEFFICIENTS;
 
 /// A combination of conditions that cannot hold together: for each form, the factor with which it enters. The
 /// sum of all is a negative constant, though each term is zero or positive at every solution. Forms are the
@@ -100,7 +100,7 @@ pub(crate) fn refutation(
     alpha: f64,
     deadline: Deadline<'_>,
 ) -> Option<Vec<(usize, usize, f64)>> {
-    let conditions = stated_conditions(map, alpha, super::proof::MAX_COEFFICIENTS)?;
+    let conditions = stated_conditions(map, alpha, MAX_COEFFICIENTS)?;
     let stated = Stated::new(&conditions);
     if !stated.keeps_zeros {
         return None;

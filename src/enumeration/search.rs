@@ -11,13 +11,10 @@ use super::hull;
 use super::system::System;
 use super::table::{Contradiction, Form, Place, Sign, Table, VAGUE, VOID};
 use crate::clock::Deadline;
+use crate::tolerances::GIGABYTE;
 
 /// Sites compared before branching. Comparing all gives the smallest trees and, by measurement, not the shortest times.
 const PROBES: usize = 3;
-/// Numbers in the tables of nodes not yet visited, beyond which such tables are recomputed when they are visited: 512 MB.
-const KEPT: usize = 1 << 26;
-/// Numbers in all tables and lists of the path from the root, beyond which the search stops: 2 GB.
-const MAX_STORED: usize = 1 << 28;
 
 /// Nodes after which every node is tightened before branching, which does not pay in small trees.
 const HARD: u64 = 1000;
@@ -124,8 +121,8 @@ impl<'a> SelectionSearch<'a> {
             root: None,
             contradicted: None,
             stored: 0,
-            kept: KEPT,
-            limit: MAX_STORED,
+            kept: GIGABYTE / 2,
+            limit: 2 * GIGABYTE,
         }
     }
 

@@ -8,14 +8,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::system::{Site, System, scale_form};
 use super::table::Form;
-
-/// The sine of the angle up to which a vector belongs to a space. Solutions are less accurate than the rows there.
-const ANGLE: f64 = 1e-8;
-/// Products of unit vectors below this count as 0.
-const TINY: f64 = 1e-140;
-/// Sweeps per row for singular values, and their tolerance, which is nalgebra's own: with a smaller one some do not converge.
-const SWEEPS: usize = 100;
-const ACCURACY: f64 = 5.0 * f64::EPSILON;
+use crate::linear::{ACCURACY, NEGLIGIBLE, SWEEPS};
+use crate::tolerances::HALF_DIGITS;
 
 impl System {
     /// For homogeneous forms: separates the equalities that all pieces of a site imply, as forms of their own, from those that remain for
@@ -90,7 +84,7 @@ fn multiple(vector: &DVector<f64>, form: &DVector<f64>, own: &DVector<f64>, shar
     let (size, v, b) = (vector.norm(), on(vector), on(form));
     let factor = v.dot(&b) / b.norm_squared();
     let off = (v - b.scale(factor)).norm();
-    (off <= ANGLE * size && factor.abs() > ANGLE.sqrt() * size).then_some(factor)
+    (off <= HALF_DIGITS * size && factor.abs() > HALF_DIGITS.sqrt() * size).then_some(factor)
 }
 
 /// A space of forms by an orthonormal basis, and an error bound of its vectors.
@@ -129,7 +123,9 @@ impl Space {
                 .zip(sizes)
                 .map(|(v, size)| v.norm() / size)
                 .enumerate();
-            let longest = shares.filter(|s| s.1 > ANGLE).max_by(|a, b| a.1.total_cmp(&b.1));
+            let longest = shares
+                .filter(|s| s.1 > HALF_DIGITS)
+                .max_by(|a, b| a.1.total_cmp(&b.1));
             let Some((k, share)) = longest else {
                 break;
             };
@@ -152,7 +148,7 @@ impl Space {
         }
     }
 
-    /// The intersection of both, within [`ANGLE`].
+    /// The intersection of both, within [`HALF_DIGITS`].
     fn meet(&self, other: &Self) -> Self {
         let mut out = Self {
             basis: Vec::new(),
@@ -161,7 +157,7 @@ impl Space {
         let products = DMatrix::from_fn(self.basis.len(), other.basis.len(), |i, j| {
             // Squares of smaller ones are lost, and singular values with them.
             Some(self.basis[i].dot(&other.basis[j]))
-                .filter(|v| v.abs() > TINY)
+                .filter(|v| v.abs() > NEGLIGIBLE)
                 .unwrap_or(0.0)
         });
         if products.is_empty() || products.iter().any(|v| !v.is_finite()) {
@@ -183,7 +179,7 @@ impl Space {
             }
             let mut left = v.clone();
             other.project_off(&mut left);
-            if left.norm() <= ANGLE {
+            if left.norm() <= HALF_DIGITS {
                 out.error = out.error.max(left.norm());
                 out.basis.push(v);
             }
@@ -304,7 +300,7 @@ mod tests {
                 for space in [&first, &second] {
                     let mut left = v.clone();
                     space.project_off(&mut left);
-                    assert!(left.norm() <= ANGLE, "{v}");
+                    assert!(left.norm() <= HALF_DIGITS, "{v}");
                 }
             }
         }

@@ -4,15 +4,13 @@ mod collector;
 
 use super::contradiction::drop_overflows;
 use super::lists::{Completeness, Doubt, SolutionSet};
-use super::proof::MAX_COEFFICIENTS;
 use super::search::SelectionSearch;
+use super::stated::stated_conditions;
 use super::{EnumerationError, EnumerationOptions, system};
 use crate::clock::Deadline;
-use crate::piecewise::{
-    ExactConditions, ExactForm, PiecewiseError, PiecewiseSmooth, Scaled, Selection, Selections, TestLayout,
-    check_vector,
-};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, Selections, check_vector};
 use crate::sparse::max_abs;
+use crate::tolerances::MAX_COEFFICIENTS;
 use collector::Collector;
 
 /// All solutions y of H(y, α) = 0 for a map whose pieces are affine in y. For an equation (as many variables as residuals) `alpha`
@@ -120,40 +118,6 @@ fn check_shape(map: &dyn PiecewiseSmooth) -> Result<(), EnumerationError> {
         expected: "as many variables as residuals, or one more (the parameter)",
     }
     .into())
-}
-
-/// The exact conditions of a map's pieces, unless they have more than the given number of coefficients.
-pub(super) fn stated_conditions(
-    map: &dyn PiecewiseSmooth,
-    alpha: f64,
-    limit: usize,
-) -> Option<ExactConditions> {
-    let (n, rows) = (
-        map.num_residuals(),
-        map.num_residuals() + TestLayout::new(map).total(),
-    );
-    if n.saturating_mul(rows) > limit {
-        return None;
-    }
-    let conditions = map.exact()?.conditions(alpha)?;
-    let unknowns = conditions.unknowns;
-    if unknowns.saturating_mul(super::stated::forms(&conditions).count()) > limit {
-        return None;
-    }
-    let fits = |f: &ExactForm| f.coefficients.len() == unknowns;
-    let sites = conditions.sites.len() == map.num_sites()
-        && conditions.sites.iter().enumerate().all(|(site, s)| {
-            let known = |form: usize| form < s.forms.len();
-            let signed = |f: &(usize, i8)| known(f.0) && matches!(f.1, 1 | -1);
-            let pieces = s.pieces.iter().all(|p| {
-                p.piece < map.num_pieces(site)
-                    && p.equalities.iter().all(|e| e.0 < unknowns && known(e.1))
-                    && p.facets.iter().all(signed)
-            });
-            pieces && s.implied.iter().all(signed) && s.forms.iter().all(fits)
-        });
-    let fit = unknowns >= n && conditions.common.iter().all(fits) && sites;
-    fit.then_some(conditions)
 }
 
 fn of_scaled(

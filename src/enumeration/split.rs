@@ -8,11 +8,8 @@ use crate::clock::Deadline;
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 use crate::spread::Random;
+use crate::tolerances::{GIGABYTE, SAME};
 
-/// Largest number of entries in the derivatives of all pieces, taken one by one.
-const MAX_WORK: usize = 1 << 27;
-/// Relative difference up to which rows count as sums.
-const SUM: f64 = 1e-9;
 /// Selections, with any pieces at any site, that are compared with the sums.
 const COMPARED: usize = 32;
 
@@ -69,7 +66,7 @@ pub(super) fn split(
 ) -> Result<Option<System>, EnumerationError> {
     let others: usize = choices.iter().map(|c| c.1.len() - 1).sum();
     let size = map.num_residuals().saturating_mul(at.unknowns + 1);
-    if size.saturating_mul(1 + others + COMPARED) > MAX_WORK {
+    if size.saturating_mul(1 + others + COMPARED) > GIGABYTE {
         return Ok(None);
     }
     let mut first = base.clone();
@@ -79,7 +76,7 @@ pub(super) fn split(
         return Ok(None);
     };
     // Each comparison goes through all sites.
-    let limit = MAX_WORK / size.max(choices.len()).max(1);
+    let limit = GIGABYTE / size.max(choices.len()).max(1);
     let alike = all_compared(map, &first, choices, limit, |selection| {
         Ok(!at.deadline.is_over() && sums.hold(map, selection, choices, at, &mut jac)?)
     })?;
@@ -213,7 +210,7 @@ impl Sums {
                 .unwrap_or(0);
             parts[chosen].iter().for_each(|part| take(part.row, &part.form));
         }
-        Ok(rest.iter().zip(&sizes).all(|(r, s)| size(r) <= SUM * s))
+        Ok(rest.iter().zip(&sizes).all(|(r, s)| size(r) <= SAME * s))
     }
 
     /// Adds the rows, and the contributions as unknowns.

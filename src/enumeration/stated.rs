@@ -4,10 +4,44 @@ use super::enclosure::Error;
 use super::system::{Piece, Site, System};
 use super::table::Form;
 use crate::exact::Exact;
-use crate::piecewise::{ExactConditions, ExactForm, ExactSite};
+use crate::piecewise::{ExactConditions, ExactForm, ExactSite, PiecewiseSmooth, TestLayout};
 
 /// Radius up to which the scaled forms, and with them unbounded unknowns, are searched; the region beyond is searched as directions.
 const FAR: f64 = 131_072.0;
+
+/// The exact conditions of a map's pieces, unless they have more than the given number of coefficients.
+pub(super) fn stated_conditions(
+    map: &dyn PiecewiseSmooth,
+    alpha: f64,
+    limit: usize,
+) -> Option<ExactConditions> {
+    let (n, rows) = (
+        map.num_residuals(),
+        map.num_residuals() + TestLayout::new(map).total(),
+    );
+    if n.saturating_mul(rows) > limit {
+        return None;
+    }
+    let conditions = map.exact()?.conditions(alpha)?;
+    let unknowns = conditions.unknowns;
+    if unknowns.saturating_mul(forms(&conditions).count()) > limit {
+        return None;
+    }
+    let fits = |f: &ExactForm| f.coefficients.len() == unknowns;
+    let sites = conditions.sites.len() == map.num_sites()
+        && conditions.sites.iter().enumerate().all(|(site, s)| {
+            let known = |form: usize| form < s.forms.len();
+            let signed = |f: &(usize, i8)| known(f.0) && matches!(f.1, 1 | -1);
+            let pieces = s.pieces.iter().all(|p| {
+                p.piece < map.num_pieces(site)
+                    && p.equalities.iter().all(|e| e.0 < unknowns && known(e.1))
+                    && p.facets.iter().all(signed)
+            });
+            pieces && s.implied.iter().all(signed) && s.forms.iter().all(fits)
+        });
+    let fit = unknowns >= n && conditions.common.iter().all(fits) && sites;
+    fit.then_some(conditions)
+}
 
 /// Powers of two by which forms, unknowns and constants are multiplied so that all are of size one: y_k = 2^(columns_k − constants) z_k.
 #[derive(Debug, Clone, Default)]

@@ -1,16 +1,14 @@
 //! The affine forms behind a piecewise-affine system: common equalities, and for each site the equalities and facets of its pieces.
 
 use super::EnumerationError;
-use super::kernel::NOISE;
 use super::split::{At, split};
 use super::table::Form;
 use crate::clock::Deadline;
 use crate::linear::LinearError;
 use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, TestLayout, check_vector};
 use crate::sparse::Matrix;
+use crate::tolerances::{GIGABYTE, ROUNDING};
 
-/// Largest number of coefficients in the dense table.
-const MAX_TABLE: usize = 1 << 26;
 /// Derivatives that differ by more than this, relative to their size, are not constant.
 const CONSTANT: f64 = 1e-6;
 
@@ -353,7 +351,7 @@ pub(super) fn at_parameter(
 
 fn check_table(rows: usize, unknowns: usize) -> Result<(), EnumerationError> {
     match rows.checked_mul(unknowns.saturating_add(1)) {
-        Some(total) if total <= MAX_TABLE => Ok(()),
+        Some(total) if total <= GIGABYTE / 2 => Ok(()),
         _ => Err(EnumerationError::TooLarge { rows, unknowns }),
     }
 }
@@ -439,7 +437,7 @@ impl System {
                 *c = c.max(a.abs());
             }
         }
-        let factor = |&c: &f64| if c <= NOISE { 0.0 } else { power(c) };
+        let factor = |&c: &f64| if c <= ROUNDING { 0.0 } else { power(c) };
         let factors: Vec<f64> = columns.iter().map(factor).collect();
         let mut largest = 0.0f64;
         for form in self.all_forms() {

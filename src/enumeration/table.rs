@@ -4,8 +4,6 @@ mod pivots;
 
 use crate::clock::Deadline;
 
-/// Rounding unit of the running error bounds.
-const EPS: f64 = f64::EPSILON;
 /// Coefficients below this multiple of their error bound count as zero.
 const SAFETY: f64 = 64.0;
 /// Size (in scaled units, summed over the columns) of the unknowns up to which a neglected coefficient is taken into account.

@@ -13,6 +13,7 @@ use super::stiffness::Elements;
 use super::{FemError, Material, Mesh, PlaneModel};
 use crate::interface::LoadCase;
 use crate::sparse::{Matrix, Pattern};
+use crate::tolerances::SAME;
 
 /// No free displacement.
 pub(super) const PRESCRIBED: usize = usize::MAX;
@@ -488,13 +489,9 @@ impl ElasticSystem {
     }
 }
 
-/// Distance from the axis, relative to the largest radius, up to which nodes are taken to be on it: far above rounding of coordinates, far
-/// below the size of a cell.
-const ON_AXIS: f64 = 1e-9;
-
 /// Radius up to which nodes are on the axis.
 fn axis(mesh: &Mesh) -> f64 {
-    ON_AXIS * mesh.points().iter().map(|p| p[0].abs()).fold(0.0, f64::max)
+    SAME * mesh.points().iter().map(|p| p[0].abs()).fold(0.0, f64::max)
 }
 
 /// Fixes the radial displacement of the nodes on the axis of a body of revolution.

@@ -4,9 +4,8 @@ use std::collections::HashMap;
 
 use super::element::Jacobian;
 use super::{CellKind, FemError, Mesh};
+use crate::tolerances::ROUNDING;
 
-/// Share of the largest Jacobian determinant of a cell up to which it is flat: rounding of its terms.
-const FLAT: f64 = 1e-14;
 /// Bisections along each axis after which a cell is flat where nothing else is known: bounds then lie within 1e-5 of the determinant.
 const HALVES: usize = 8;
 
@@ -22,7 +21,7 @@ impl Mesh {
         for cell in 0..self.num_cells() {
             let kind = self.kind(cell);
             let (mut low, high) = self.at_nodes(cell);
-            let least = FLAT * high.abs();
+            let least = ROUNDING * high.abs();
             // Of simplices and quadrilaterals of first order the determinants at the corners are all that is to know.
             if low.0 > least && Determinant::degree(kind) > 1 {
                 let way = determinants.entry(kind).or_insert_with(|| Determinant::of(kind));

@@ -5,6 +5,7 @@ use super::element::{CellKind, Reference};
 use super::facet::area_in_space;
 use super::order::completed;
 use super::tokens::shorten;
+use crate::words::LISTED;
 
 /// Facets by name of their group, each as its nodes.
 pub(super) type FacetGroups = BTreeMap<String, Vec<Vec<usize>>>;
@@ -458,10 +459,9 @@ pub(super) fn lookup<'a, T>(
         }),
         Some(list) => Ok(list),
         None => {
-            const NAMED: usize = 20;
-            let names = groups.keys().take(NAMED);
+            let names = groups.keys().take(LISTED);
             let names: Vec<_> = names.map(|k| format!("\"{}\"", shorten(k))).collect();
-            let known = match groups.len().saturating_sub(NAMED) {
+            let known = match groups.len().saturating_sub(LISTED) {
                 0 if names.is_empty() => "none".into(),
                 0 => names.join(", "),
                 more => format!("{} and {more} more", names.join(", ")),

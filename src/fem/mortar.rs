@@ -9,9 +9,7 @@ use super::facet::integrate;
 use super::mesh::{by_position, dot};
 use super::overlap::{Meeting, Side};
 use super::{ContactRows, ElasticSystem, FemError, Foundation};
-
-/// Share of a facet by which rounding may cover it more than once: far below the overlap of two facets of a mesh.
-const ROUNDING: f64 = 1e-9;
+use crate::tolerances::SAME;
 
 type GapFunction = Arc<dyn Fn([f64; 3]) -> f64 + Send + Sync>;
 type Direction = Arc<dyn Fn([f64; 3]) -> [f64; 3] + Send + Sync>;
@@ -319,7 +317,7 @@ fn meetings<'a>(
         measure += met[first..].iter().map(|m| m.1.weight).sum::<f64>();
         (0..4).for_each(|k| covered[k] |= corners[k]);
     }
-    if measure > (1.0 + ROUNDING) * side.measure {
+    if measure > (1.0 + SAME) * side.measure {
         return Err(FemError::CoveredTwice { at: side.centre });
     }
     Ok((met, covered))

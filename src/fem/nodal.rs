@@ -8,12 +8,11 @@ use super::stiffness::{ElementMatrix, Elements};
 use super::{ElasticSystem, FemError};
 use crate::parallel;
 use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix, Symmetric};
+use crate::tolerances::SAME;
 
 /// Largest number of parts of the nodes, and least number of nodes of each: cells between two parts are computed twice.
 const MOST_PARTS: usize = 16;
 const LEAST_NODES: usize = 4096;
-/// Nodes within this distance of the end of the body, relative to its length, form the first layer.
-const END: f64 = 1e-9;
 
 /// The cells at each node, and what else is attached there.
 pub(super) struct CellsOf {
@@ -76,7 +75,7 @@ impl Order {
         }
         let length = |d: usize| high[d] - low[d];
         let axis = (0..3).fold(0, |best, d| if length(d) > length(best) { d } else { best });
-        let end = low[axis] + END * length(axis);
+        let end = low[axis] + SAME * length(axis);
         let mut seen: Vec<bool> = (0..all).map(|n| !free(n)).collect();
         let mut spread = vec![false; elements.len()];
         let mut nodes: Vec<u32> = Vec::new();

@@ -3,9 +3,8 @@
 use super::Mesh;
 use super::element::{MAX_FACET, Reference};
 use super::mesh::{cross, difference, dot, mean, norm};
+use crate::tolerances::SAME;
 
-/// Length relative to a facet below which corners coincide: far above rounding, far below all features of a mesh.
-const SAME: f64 = 1e-9;
 /// Newton steps, and their tolerance in reference coordinates, for the inverse of a bilinear map; convex facets need few.
 const STEPS: usize = 30;
 const CONVERGED: f64 = 1e-15;

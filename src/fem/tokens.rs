@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use super::FemError;
+use crate::words::SHOWN;
 
 /// The beginning of a text of any length, for messages.
 pub(super) fn shorten(text: &str) -> String {
-    const SHOWN: usize = 60;
     match text.char_indices().nth(SHOWN) {
         Some((end, _)) => format!("{} …", &text[..end]),
         None => text.to_owned(),

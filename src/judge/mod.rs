@@ -16,5 +16,5 @@ pub(crate) use columns::Columns;
 pub(crate) use constants::{Emptiness, slack};
 pub(crate) use equilibrate::{equilibrate, power_below, row_sizes};
 pub(crate) use parts::Parts;
-pub(crate) use rows::{Judge, Point, ROUNDING, SUM, Verdict};
+pub(crate) use rows::{Judge, Point, Verdict};
 pub(crate) use units::{Sizes, Units};

@@ -5,6 +5,7 @@ use crate::linear::{
     AutoSolver, LinearError, LinearSolver, TruncatedMultigrid, WORTH, aggregation_hierarchy,
 };
 use crate::sparse::{Matrix, max_abs};
+use crate::tolerances::NONE;
 
 /// The strongly connected components of the pattern of a square matrix, row i belonging to unknown i.
 ///
@@ -28,9 +29,6 @@ struct Search {
     stack: Vec<usize>,
     path: Vec<(usize, usize)>,
 }
-
-/// No part, or none yet.
-const NONE: usize = usize::MAX;
 
 impl Parts {
     /// Finds the parts of the unknowns that are `open` (R. Tarjan, SIAM J. Comput. 1 (1972)).

@@ -3,12 +3,7 @@
 use super::parts::Parts;
 use super::{Columns, equilibrate};
 use crate::sparse::max_abs;
-
-/// Part of its terms below which a residual is rounding: 64 units in the last place of the sum of some dozens of terms.
-pub(crate) const ROUNDING: f64 = 64.0 * f64::EPSILON;
-
-/// Rounding of a sum as a part of its terms, as long as these are few; with many it is of random signs.
-pub(crate) const SUM: f64 = 8.0 * f64::EPSILON;
+use crate::tolerances::{ROUNDING, SUM};
 
 /// Rounding that may hide a contradiction between the rows of a singular part, as a part of their terms: eight times [`ROUNDING`]. At the
 /// default tolerance none above 2e-7 of the constants passes (`contradictory_equations_are_never_solved` of tests/mcp).

@@ -65,7 +65,7 @@ impl AutoSolver {
 }
 
 /// Fill-in makes a matrix with a quarter of its entries practically full.
-fn prefers_dense(p: PatternRef<'_>) -> bool {
+pub(crate) fn prefers_dense(p: PatternRef<'_>) -> bool {
     p.ncols <= DENSE_LIMIT || p.nnz() / p.ncols >= p.ncols / 4
 }
 

@@ -15,14 +15,11 @@ use faer::{Conj, MatMut, Par, Side};
 use super::condition::{judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs, dense_zeros, zeros};
 use super::ordering::{Nodes, Order};
-use super::sparse_lu::give_up;
+use super::sparse_lu::{BLOCK_RHS, give_up};
 use super::supernodal;
 use super::{LinearError, LinearSolver};
 use crate::clock::Until;
 use crate::sparse::{MatrixRef, PatternRef};
-
-/// Right-hand sides solved for at a time: scratch grows with them.
-const BLOCK_RHS: usize = 8;
 
 /// Operations for an entry of L, in units of faer, above which dense blocks are used: measured on meshes of a few hundred nodes, where they
 /// are faster already at a quarter of faer's own limit.

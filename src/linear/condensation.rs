@@ -5,13 +5,12 @@ use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
 
+use super::dense_lu::BLOCKED;
 use super::{Cholesky, Hierarchical, LinearError, LinearSolver, dense_zeros};
 use crate::clock::Until;
 use crate::parallel;
 use crate::sparse::{Matrix, Pattern, dot};
 
-/// Orders below this are handled by plain loops.
-const BLOCKED: usize = 48;
 /// Columns that one thread takes at a time.
 const COLUMNS: usize = 192;
 /// Order of C above which products with it take more time than those with its hierarchical form.

@@ -1,9 +1,6 @@
 use super::LinearError;
 use crate::sparse::sum_abs;
-
-/// Equilibrated matrices with a smaller reciprocal condition number count as singular: fewer than two digits of a solution
-/// would be right.
-pub(super) const SINGULAR: f64 = 1e-14;
+use crate::tolerances::ROUNDING;
 
 /// Below it a reciprocal condition number may be due to units, and that of the balanced matrix is computed, too.
 pub(super) const SMALL: f64 = 1e-6;
@@ -76,7 +73,7 @@ pub(super) fn judge(norm: f64, inverse_norm: f64) -> Result<f64, LinearError> {
     if rcond.is_nan() {
         return Err(LinearError::Singular { rcond: 0.0 });
     }
-    if rcond < SINGULAR {
+    if rcond < ROUNDING {
         return Err(LinearError::Singular { rcond });
     }
     Ok(rcond.min(1.0))

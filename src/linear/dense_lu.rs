@@ -23,7 +23,7 @@ use crate::sparse::{MatrixRef, PatternRef, max_abs, sum_abs};
 pub(super) const BLOCKED: usize = 50;
 
 /// Orders from which all cores eliminate, and columns that one takes at a time.
-const PANELS: usize = 1024;
+pub(super) const PANELS: usize = 1024;
 const PANEL: usize = 256;
 
 /// Right-hand sides solved for at a time by the blocked route, so that scratch is bounded.

@@ -1,11 +1,11 @@
 //! Nested dissection of a graph by level sets: fewer operations than minimum degree where a mesh is large and solid.
 
+use crate::tolerances::NONE;
+
 /// Regions of at most so many nodes are ordered by the caller's method for small graphs.
 const LEAF: usize = 150;
 /// Part of a region that each side of a separator must have at least.
 const BALANCE: f64 = 0.3;
-/// Level of nodes not met.
-const UNMET: usize = usize::MAX;
 
 /// A symmetric graph by compressed columns.
 #[derive(Clone, Copy)]
@@ -35,7 +35,7 @@ pub(super) fn dissect<E>(
         graph,
         region: vec![0; n],
         regions: 1,
-        level: vec![UNMET; n],
+        level: vec![NONE; n],
         queue: Vec::with_capacity(n),
     };
     // Filled from the back: separators first, then what they separate.
@@ -72,7 +72,7 @@ impl Dissection<'_> {
         let reached = self.levels(&nodes[..1]);
         if reached < nodes.len() {
             let (inside, outside): (Vec<usize>, Vec<usize>) =
-                nodes.iter().partition(|&&i| self.level[i] != UNMET);
+                nodes.iter().partition(|&&i| self.level[i] != NONE);
             self.forget(nodes);
             return Some((self.number([inside, outside]), Vec::new()));
         }
@@ -106,7 +106,7 @@ impl Dissection<'_> {
             let node = self.queue[next];
             next += 1;
             for &j in self.graph.neighbours(node) {
-                if self.region[j] == self.region[node] && self.level[j] == UNMET {
+                if self.region[j] == self.region[node] && self.level[j] == NONE {
                     self.level[j] = self.level[node] + 1;
                     self.queue.push(j);
                 }
@@ -146,7 +146,7 @@ impl Dissection<'_> {
     }
 
     fn forget(&mut self, nodes: &[usize]) {
-        nodes.iter().for_each(|&i| self.level[i] = UNMET);
+        nodes.iter().for_each(|&i| self.level[i] = NONE);
     }
 
     fn number(&mut self, parts: [Vec<usize>; 2]) -> [Vec<usize>; 2] {

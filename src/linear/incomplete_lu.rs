@@ -1,6 +1,7 @@
 use super::LinearError;
 use super::memory::check_finite;
 use crate::sparse::MatrixRef;
+use crate::tolerances::NONE;
 
 /// Pivots below this part of the largest entry of their column are moved up to it.
 const PIVOT: f64 = 1e-8;
@@ -50,8 +51,6 @@ pub struct IncompleteLu {
     /// Where each row of the current column is.
     slot: Vec<usize>,
 }
-
-const NONE: usize = usize::MAX;
 
 impl Preconditioner for IncompleteLu {
     fn prepare(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {

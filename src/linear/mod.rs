@@ -38,6 +38,7 @@ mod supernodal;
 mod updated_factors;
 
 pub(crate) use aggregation::Aggregation;
+pub(crate) use auto::prefers_dense;
 pub use auto::{AutoSolver, DENSE_LIMIT};
 pub use block_diagonal::BlockDiagonal;
 pub use bordered::Bordered;
@@ -63,6 +64,7 @@ pub(crate) use row_updates::{RowSource, RowUpdates};
 pub(crate) use scaling::Scaling;
 pub(crate) use small_lu::SmallLu;
 pub use sparse_lu::SparseLu;
+pub(crate) use spectral::{ACCURACY, NEGLIGIBLE, SWEEPS};
 
 use crate::sparse::{MatrixRef, PatternRef};
 

@@ -7,6 +7,7 @@ use faer::sparse::linalg::amd;
 use super::LinearError;
 use super::dissection::{Graph, dissect};
 use super::sparse_lu::give_up;
+use crate::tolerances::NONE;
 
 /// The unknown at each place, and the place of each unknown.
 pub(super) struct Order {
@@ -28,7 +29,6 @@ pub(super) struct Nodes<'l> {
 
 impl<'l> Nodes<'l> {
     pub(super) fn new(a: SymbolicSparseColMatRef<'_, usize>, last: &'l [usize]) -> Self {
-        const NONE: usize = usize::MAX;
         let n = a.ncols();
         let mut left_out = vec![false; n];
         last.iter().for_each(|&i| left_out[i] = true);

@@ -3,17 +3,13 @@ use super::row_inverse::RowInverse;
 use super::updated_factors::UpdatedFactors;
 use super::{Bordered, LinearError, LinearSolver};
 use crate::sparse::{Matrix, dot};
+use crate::tolerances::{CHECKED, ROUNDING};
 
 /// Change of the determinant below which an update would lose too many digits.
 const SMALL_PIVOT: f64 = 1e-7;
 /// Updates after which an inverse is recomputed, at least; as many updates as rows cost as much as recomputing it.
 const MAX_UPDATES: usize = 100;
-/// Residual of the tangent, relative to the entries of ∇H, above which the updates have become inaccurate.
-const DECAY: f64 = 1e-10;
 
-/// The same, up to which a tangent is not refined where refining it costs as much as the update itself: the rounding errors of a product
-/// with some thousand terms.
-const SHARP: f64 = 1e-14;
 /// Most rows that differ from those of hierarchical factors.
 const HIERARCHICAL: usize = 160;
 
@@ -114,7 +110,7 @@ impl RowUpdates {
         };
         let kept = Kept::Factors(Box::new(UpdatedFactors::new(bordered, det, HIERARCHICAL)));
         let mut found = Self::with(bordered.tangent(), det, sizes, kept);
-        found.sharp = SHARP;
+        found.sharp = ROUNDING;
         Ok(found.refine(source, bordered)?.then_some(found))
     }
 
@@ -213,7 +209,7 @@ impl RowUpdates {
             Kept::Inverse(inverse) => inverse.correct(&self.residual, &mut self.tangent),
             Kept::Factors(factors) => factors.correct(&self.residual, &mut self.tangent, bordered)?,
         }
-        Ok(self.is_within(DECAY) && self.normalise())
+        Ok(self.is_within(CHECKED) && self.normalise())
     }
 
     /// Whether the residual is at most this share of each row. Written so that NaN fails.

@@ -1,5 +1,6 @@
 use super::LinearError;
 use super::condition::norm_1_estimate;
+use super::dense_lu::PANELS;
 use super::memory::check_finite;
 use crate::parallel;
 use crate::sparse::max_abs_scaled;
@@ -9,8 +10,7 @@ const BALANCE_SWEEPS: usize = 12;
 /// Change of the exponents within a sweep below which further sweeps hardly ever change the rounded exponents.
 const SETTLED: f64 = 1e-2;
 
-/// Orders from which all cores scale a full matrix, and rows or columns that one takes at a time.
-const PARALLEL: usize = 1024;
+/// Rows or columns of a full matrix that one core scales at a time, where all cores do.
 const ROWS: usize = 512;
 
 /// Equilibration S = R A C by powers of two, so that the largest entry of every row and column of S lies near 1.
@@ -160,7 +160,7 @@ impl Scaling {
             return Ok(());
         }
         // Rows by parts, and columns after that.
-        let size = if n >= PARALLEL { ROWS } else { n };
+        let size = if n >= PANELS { ROWS } else { n };
         parallel::parts(&mut self.row, size, &|first, row| {
             for column in values.chunks_exact(n) {
                 for (r, v) in row.iter_mut().zip(&column[first..]) {

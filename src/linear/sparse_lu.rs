@@ -16,15 +16,10 @@ use super::scaling::{Scaling, scale_columns};
 use super::{LinearError, LinearSolver};
 use crate::Cause;
 use crate::sparse::{MatrixRef, PatternRef};
+use crate::tolerances::{CHECKED, ROUNDING};
 
 /// Right-hand sides solved for at a time, so that scratch is bounded.
-const BLOCK_RHS: usize = 8;
-
-/// Relative residual above which a solution is refined once.
-const REFINE: f64 = 1e-14;
-
-/// Relative residual above which a solution is rejected.
-const ACCEPT: f64 = 1e-10;
+pub(super) const BLOCK_RHS: usize = 8;
 
 /// Sparse LU with partial pivoting and a fill-reducing column order.
 ///
@@ -170,12 +165,12 @@ impl SparseLu {
             engine.solve(block, transpose);
             for (x, rhs) in block.chunks_exact_mut(n).zip(rhs.chunks_exact(n)) {
                 let mut found = relative_residual(&s, norm, transpose, x, rhs, residual);
-                if found > REFINE {
+                if found > ROUNDING {
                     engine.solve(residual, transpose);
                     x.iter_mut().zip(residual.iter()).for_each(|(x, d)| *x += d);
                     found = relative_residual(&s, norm, transpose, x, rhs, residual);
                 }
-                if found.is_nan() || found > ACCEPT {
+                if found.is_nan() || found > CHECKED {
                     return Err(LinearError::Inaccurate { residual: found });
                 }
             }

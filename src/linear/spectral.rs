@@ -9,13 +9,13 @@ use crate::sparse::Matrix;
 use crate::spread::golden;
 
 /// Most sweeps of an iteration for each row of the matrix; convergence takes a handful.
-const SWEEPS: usize = 100;
+pub(crate) const SWEEPS: usize = 100;
 
 /// Entries below this part of the largest one are zero: their squares underflow.
-const NEGLIGIBLE: f64 = 1e-140;
+pub(crate) const NEGLIGIBLE: f64 = 1e-140;
 
 /// Accuracy of the iterations.
-const ACCURACY: f64 = 5.0 * f64::EPSILON;
+pub(crate) const ACCURACY: f64 = 5.0 * f64::EPSILON;
 
 /// A full matrix with entries below 4, and the power of two by whose square it was divided.
 pub(super) struct ScaledMatrix {

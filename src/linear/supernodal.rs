@@ -13,13 +13,11 @@ use faer::{Accum, MatMut, MatRef, Par};
 use super::LinearError;
 use crate::clock::Until;
 use crate::parallel;
+use crate::tolerances::NONE;
 
 /// Columns that are summed by one thread at a time, and columns and rows of dense factors.
 const COLUMNS: usize = 128;
 const ROWS: usize = 256;
-
-/// No supernode.
-const NONE: usize = usize::MAX;
 
 /// The lower triangle of a matrix by columns, in the order of elimination.
 struct Lower {

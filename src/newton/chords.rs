@@ -5,9 +5,8 @@ use super::moore_penrose::CONTRACTION;
 use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{dot, norm};
+use crate::tolerances::CHECKED;
 
-/// Change of the tangent at which its refinement ends.
-const SHARP: f64 = 1e-10;
 /// Largest number of refinement steps for a solution, and the relative change at which they end.
 const REFINEMENTS: usize = 4;
 const ACCURATE: f64 = 1e-3;
@@ -47,7 +46,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         let mut change = 1.0;
         loop {
             let next = self.bordered.refine_tangent(&self.jac)?;
-            if next <= SHARP {
+            if next <= CHECKED {
                 break;
             }
             if next.is_nan() || next > CONTRACTION * change {

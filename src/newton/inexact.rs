@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::forcing::Before;
+use super::iterate::JUMP;
 use super::{Convergence, Damping, Iteration, NewtonError, NewtonKrylovOptions, Report, Step, Unsolved};
 use crate::linear::{Krylov, LinearError};
 use crate::piecewise::{MatrixFree, PiecewiseError, check_vector};
@@ -11,9 +12,6 @@ use crate::sparse::{distance, norm as norm2};
 
 /// Full steps in a row that may fail to lower the least residual by a tenth.
 const PATIENCE: usize = 5;
-
-/// Share of its terms below which a residual may be rounding; beyond it, one that changes with the last digits of x is at a steep kink.
-const JUMP: f64 = 1e-6;
 
 /// Inexact semismooth Newton method for [`MatrixFree`] maps: steps with ‖H + G d‖₂ ≤ η ‖H‖₂ by a Krylov method, with forcing terms η of
 /// Eisenstat and Walker ([`Forcing`](super::Forcing)).

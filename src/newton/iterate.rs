@@ -14,7 +14,7 @@ use crate::sparse::norm as norm2;
 const PATIENCE: usize = 12;
 
 /// Share of its terms beyond which a residual that changes with the last digits of x is a jump of H, not rounding.
-const JUMP: f64 = 1e-6;
+pub(super) const JUMP: f64 = 1e-6;
 
 /// Stage of the globalisation.
 #[derive(PartialEq, PartialOrd, Clone, Copy)]

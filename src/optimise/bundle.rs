@@ -9,6 +9,7 @@ use crate::Cause;
 use crate::clock::Clock;
 use crate::run::Status;
 use crate::sparse::{dot, max_abs, norm};
+use crate::tolerances::HALVINGS;
 use crate::variational::{Multipliers, Polyhedron, Projection};
 
 /// Part of the predicted decrease that a step to a better point has to reach, part up to which the slope at a new gradient has to come, and
@@ -25,8 +26,6 @@ const STEEPEST: f64 = 1e3;
 /// Factor by which one change of the weight is limited, and a bound of all of them together.
 const CHANGE: f64 = 10.0;
 const RANGE: f64 = 1e10;
-/// Evaluations of one search along a direction: halving reaches rounding.
-const TRIALS: usize = 60;
 /// Rounding of a value.
 const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 
@@ -203,7 +202,7 @@ impl<'a> Run<'a> {
         }
         let planes = self.model.planes.iter().map(|p| norm(&p.gradient));
         let size = own.max(self.options.tolerance * planes.fold(0.0, f64::max));
-        for _ in 0..TRIALS {
+        for _ in 0..HALVINGS {
             let found = self
                 .model
                 .minimum(&self.set, &self.here.point, self.weight, size)?;
@@ -303,7 +302,7 @@ impl<'a> Run<'a> {
             ahead: None,
             full: None,
         };
-        for trial in 0..TRIALS {
+        for trial in 0..HALVINGS {
             if self
                 .options
                 .max_time

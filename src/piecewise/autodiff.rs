@@ -140,9 +140,6 @@ impl Dependencies {
     }
 }
 
-/// Coefficients up to which conditions are stated.
-const MAX_COEFFICIENTS: usize = 1 << 21;
-
 /// A [`NonsmoothFunction`] as a [`PiecewiseSmooth`] map.
 ///
 /// Where it is piecewise affine it gives its [exact coefficients](PiecewiseSmooth::exact): lists of its solutions are proven complete, and

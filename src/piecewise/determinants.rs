@@ -1,9 +1,8 @@
 //! Signs of determinants: those of a factorisation, and in exact arithmetic where rounding may decide and the map states its coefficients.
 
-use super::orientation::Examined;
 use super::{ExactConditions, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::exact::{Exact, determinant_sign};
-use crate::linear::{AutoSolver, LinearError, LinearSolver};
+use crate::linear::{AutoSolver, DENSE_LIMIT, LinearError, LinearSolver};
 use crate::sparse::{Matrix, MatrixRef};
 
 /// Reciprocal condition, rows and columns equilibrated, below which the sign of a factorisation is replaced by an exact one where that is
@@ -11,10 +10,14 @@ use crate::sparse::{Matrix, MatrixRef};
 const NEAR: f64 = 1e-10;
 /// Allowance for that growth, for the rounding of the entries and for the error of the estimated condition.
 const ALLOWANCE: f64 = 1e3;
-/// Largest number of rows for exact coefficients, which are stored in full matrices.
-const ROWS: usize = 200;
 /// Numbers written in exact arithmetic for one verdict, long ones counted as many: some tenths of a second.
 const WORK: u64 = 4_000_000;
+
+/// A regular selection examined: its matrix is factored in `solver`, unless that took it for singular.
+pub(super) struct Examined<'a> {
+    pub(super) solver: Option<&'a mut AutoSolver>,
+    pub(super) selection: &'a Selection,
+}
 
 /// What is known of the sign of a determinant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -127,7 +130,7 @@ impl<'a> ExactSigns<'a> {
 
     /// `None` where the coefficients are not stated, or too many, or too long.
     pub(crate) fn sign(&mut self, selection: &Selection) -> Option<i8> {
-        if self.map.num_residuals() > ROWS {
+        if self.map.num_residuals() > DENSE_LIMIT {
             return None;
         }
         if self.conditions.is_none() {

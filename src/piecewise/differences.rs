@@ -2,9 +2,7 @@
 
 use super::{PiecewiseSmooth, TestLayout};
 use crate::sparse::max_abs;
-
-/// Cube root of the rounding unit: the step that balances truncation and rounding in central differences.
-const STEP: f64 = 6.055e-6;
+use crate::tolerances::CENTRAL;
 
 pub(super) fn test_derivatives(map: &dyn PiecewiseSmooth, x: &[f64], d: &[f64], out: &mut [f64]) {
     let norm_d = max_abs(d);
@@ -18,7 +16,7 @@ pub(super) fn test_derivatives(map: &dyn PiecewiseSmooth, x: &[f64], d: &[f64], 
             .zip(&sizes)
             .fold(0.0_f64, |a, (v, s)| a.max((v / s).abs()))
     };
-    let h = STEP * (1.0 + relative(x)) / relative(d);
+    let h = CENTRAL * (1.0 + relative(x)) / relative(d);
     let shifted = |s: f64| -> Vec<f64> { x.iter().zip(d).map(|(x, d)| x + s * d).collect() };
     let mut minus = vec![0.0; out.len()];
     map.test_functions(&shifted(h), out);
@@ -41,7 +39,7 @@ pub(super) fn test_gradient(
     let mut theta = vec![0.0; layout.total()];
     let sizes = sizes(map, x.len());
     for j in 0..x.len() {
-        let h = STEP * (sizes[j] + x[j].abs());
+        let h = CENTRAL * (sizes[j] + x[j].abs());
         let mut at = |v: f64| {
             y[j] = v;
             map.test_functions(&y, &mut theta);

@@ -4,9 +4,7 @@ use super::error::{check_selection, check_vector};
 use super::orientation::{Cell, Cones};
 use super::{Activity, PiecewiseError, PiecewiseSmooth, Selection, active_set};
 use crate::sparse::Matrix;
-
-/// How far the sum of weights may be from 1.
-const SUM: f64 = 1e-9;
+use crate::tolerances::SAME;
 
 /// An element of the B-subdifferential ∂_B H(x), the set of the limits of ∇H(x_k) along points x_k → x at which H is differentiable.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,7 +112,7 @@ pub fn clarke_element<P: PiecewiseSmooth + ?Sized>(
         return no("a weight is negative");
     }
     // A sum that is NaN is refused, too.
-    let is_one = (sum - 1.0).abs() <= SUM;
+    let is_one = (sum - 1.0).abs() <= SAME;
     if !is_one {
         return no("the weights do not sum to 1");
     }

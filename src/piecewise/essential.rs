@@ -1,6 +1,7 @@
 use super::error::{check_selection, check_vector};
 use super::vanishing::gradient_of;
 use super::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set};
+use crate::tolerances::RESULT;
 
 /// Whether a selection is essentially active: x lies in the closure of the interior of {H = H^(σ)} (Scholtes 2012, ch. 4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,8 +73,6 @@ fn essential_activity_of(
 /// converge linearly, also where 0 lies in a face (Lacoste-Julien and Jaggi 2015). ‖w‖ is the width of the cone of these d: only where it
 /// is within the rounding of the unit vectors there is none.
 pub(crate) fn open_cone(normals: &[Vec<f64>], max_steps: usize) -> Activity {
-    /// Width from which on d = w is certain, and below which w is summed anew.
-    const CLEAR: f64 = 1e-12;
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let zero = 4.0 * f64::EPSILON * normals.len() as f64;
     let Some(first) = normals.first() else {
@@ -94,7 +93,7 @@ pub(crate) fn open_cone(normals: &[Vec<f64>], max_steps: usize) -> Activity {
                 (away, highest) = (k, slack);
             }
         }
-        if lowest > CLEAR {
+        if lowest > RESULT {
             return Activity::Essential;
         }
         if dot(&w, &w) <= zero * zero {
@@ -111,7 +110,7 @@ pub(crate) fn open_cone(normals: &[Vec<f64>], max_steps: usize) -> Activity {
         for ((w, g), h) in w.iter_mut().zip(g).zip(h) {
             *w += step * (g - h);
         }
-        if dot(&w, &w) < CLEAR * CLEAR {
+        if dot(&w, &w) < RESULT * RESULT {
             // Without the rounding errors of all steps.
             w.fill(0.0);
             for (g, weight) in normals.iter().zip(&weights) {

@@ -1,21 +1,15 @@
 //! Whether a convex combination of regular matrices is singular.
 
 use super::orientation::sign_of;
-use super::regularity::{DENSE, Element};
-use super::uniqueness::SINGULAR;
+use super::regularity::Element;
 use super::{PiecewiseError, Selection, Selections};
 use crate::linear::{AutoSolver, LinearError, LinearSolver, eigenvalues, symmetric_eigenvalues};
 use crate::sparse::{Matrix, Pattern};
 use crate::spread::Random;
+use crate::tolerances::{CHECKED, DENSE, DOUBTFUL, HALF_DIGITS, SAME};
 
 /// Eigenvalues within this angle of the negative half-line may lie on it: rounding moves fourfold ones by the fourth root of its size.
 const ON_AXIS: f64 = 1e-3;
-/// Eigenvalues below this part of the largest may have any angle.
-const SMALL: f64 = 1e-9;
-/// Reciprocal condition above which the rounding of a quotient of matrices leaves those angles as they are.
-const SOUND: f64 = 1e-8;
-/// Least eigenvalue of a symmetric part, relative to the largest, above which it is definite.
-const DEFINITE: f64 = 1e-10;
 
 /// Random combinations tried.
 const RANDOM: u64 = 300;
@@ -114,7 +108,7 @@ fn mixtures<'m>(
                 mixed.values_mut()[k] = *v;
             }
         }
-        if sign_of(&mut solver, &mixed, n, SINGULAR)? != Some(sign) {
+        if sign_of(&mut solver, &mixed, n, DOUBTFUL)? != Some(sign) {
             return Ok(false);
         }
     }
@@ -175,7 +169,7 @@ fn definite(elements: &[Element]) -> Result<bool, PiecewiseError> {
         entries.for_each(|(v, t)| *v = 0.5 * (*v + t));
         let values = symmetric_eigenvalues(&product)?;
         let largest = values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let positive = values.iter().all(|v| *v > DEFINITE * largest + rounding);
+        let positive = values.iter().all(|v| *v > CHECKED * largest + rounding);
         if !positive {
             return Ok(false);
         }
@@ -196,8 +190,9 @@ fn segments(elements: &[Element], sign: i8, cap: u64) -> Result<Hull, PiecewiseE
         let values = eigenvalues(&product)?;
         let largest = values.iter().fold(0.0_f64, |m, z| m.max(z.0.hypot(z.1)));
         let on_axis = |(re, im): &(f64, f64)| *re < 0.0 && im.abs() <= ON_AXIS * re.abs();
-        let clear = |z: &(f64, f64)| !on_axis(z) && z.0.hypot(z.1) > SMALL * largest;
-        if elements.len() == 2 && rcond > SOUND && values.iter().all(clear) {
+        // Small eigenvalues may have any angle, and the angles of a quotient of matrices of bad condition are rounding.
+        let clear = |z: &(f64, f64)| !on_axis(z) && z.0.hypot(z.1) > SAME * largest;
+        if elements.len() == 2 && rcond > HALF_DIGITS && values.iter().all(clear) {
             return Ok(Hull::Regular);
         }
         let mut shares: Vec<f64> = (values.iter().filter(|&z| on_axis(z)))
@@ -211,7 +206,7 @@ fn segments(elements: &[Element], sign: i8, cap: u64) -> Result<Hull, PiecewiseE
             let share = 0.5 * (w[0] + w[1]);
             let mut weights = vec![0.0; elements.len()];
             (weights[i], weights[j]) = (1.0 - share, share);
-            if mixture.sign(&weights, SINGULAR)? == Some(-sign) {
+            if mixture.sign(&weights, DOUBTFUL)? == Some(-sign) {
                 return Ok(Hull::Crossing { from: i, weights });
             }
         }
@@ -228,7 +223,7 @@ fn segments(elements: &[Element], sign: i8, cap: u64) -> Result<Hull, PiecewiseE
             .for_each(|w| *w *= -(0.5 - 0.5 * random.symmetric()).max(f64::MIN_POSITIVE).ln());
         let sum: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= sum);
-        if mixture.sign(&weights, SINGULAR)? == Some(-sign) {
+        if mixture.sign(&weights, DOUBTFUL)? == Some(-sign) {
             return Ok(Hull::Crossing { from, weights });
         }
     }

@@ -1,11 +1,13 @@
 //! The implicit function of a piecewise-smooth map and its parameter.
 
+use super::determinants::Examined;
 use super::error::check_vector;
-use super::orientation::{CLEAR, Cones, Examined, examine};
-use super::uniqueness::{SINGULAR, verdict};
+use super::orientation::{CLEAR, Cones, examine};
+use super::uniqueness::verdict;
 use super::{ActiveSet, LocalUniqueness, PiecewiseError, PiecewiseSmooth, Selection, active_set};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
+use crate::tolerances::DOUBTFUL;
 use std::fmt;
 
 /// What is known of the solutions y(α) of H(y, α) = 0 near a point.
@@ -102,7 +104,7 @@ fn implicit_function_of(
     let mut constant = 0.0_f64;
     // For both directions of α: the selection into whose cell the rate points most.
     let mut best: [(f64, Option<Vec<f64>>); 2] = [(-CLEAR, None), (-CLEAR, None)];
-    let signs = examine(&cones, &active, cap, (SINGULAR, false), &mut |found| {
+    let signs = examine(&cones, &active, cap, (DOUBTFUL, false), &mut |found| {
         let selection = found.selection;
         let Some(rate) = rate_of(map, x, &mut jac, found)? else {
             constant = f64::INFINITY;
@@ -140,7 +142,7 @@ pub(crate) fn implicit_verdict(
         &cones,
         active,
         cap,
-        (SINGULAR, false),
+        (DOUBTFUL, false),
         &mut |found| match found.solver {
             Some(solver) => visit(found.selection, solver),
             None => Ok(()),

@@ -1,14 +1,12 @@
 use super::determinants::{Determinant, Determinants};
 use super::error::check_vector;
 use super::orientation::{CLEAR, Cell, Cones, Side, Target};
-use super::regularity::{DENSE, square};
-use super::uniqueness::{SINGULAR, TRIES};
+use super::regularity::square;
+use super::uniqueness::TRIES;
 use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, active_set};
 use crate::linear::null_space;
 use crate::sparse::Matrix;
-
-/// Singular values below this part of the largest one belong to the kernel.
-const KERNEL: f64 = 1e-9;
+use crate::tolerances::{DENSE, DOUBTFUL, SAME};
 
 /// Directions with one image, with the signs of their selections.
 type Preimages = Vec<(Vec<f64>, i8)>;
@@ -72,7 +70,7 @@ fn index_of(
     }
     let cones = Cones::new(Box::new(map), x, active, n);
     let mut jac = Matrix::zeros(map.pattern());
-    let mut determinants = Determinants::new(map, x, &jac, SINGULAR, true)?;
+    let mut determinants = Determinants::new(map, x, &jac, DOUBTFUL, true)?;
     if active.is_singleton() {
         cones.element(active.first(), &mut jac)?;
         return Ok(match determinants.sign(active.first(), &jac)? {
@@ -119,7 +117,8 @@ fn has_zero(cones: &Cones<'_>, selection: &Selection, jac: &Matrix) -> Result<bo
     if n > DENSE {
         return Ok(true);
     }
-    let found = null_space(&square(jac)?, KERNEL)?;
+    // Singular values below this part of the largest one belong to the kernel.
+    let found = null_space(&square(jac)?, SAME)?;
     let [v] = found.right.as_slice() else {
         return Ok(true);
     };

@@ -47,7 +47,6 @@ pub use active::{ActiveSet, active_set, select, select_pieces, value};
 pub use autodiff::{Kinks, NonsmoothFunction, Traced};
 pub use cell::{Facet, cell_margin};
 pub(crate) use condensed::{Condensed, CondensedJacobian, CondensedPieces, CondensedRoom};
-pub(crate) use derivative::pointed_into;
 pub use derivative::{CoherentOrientation, b_derivative, coherent_orientation};
 pub(crate) use determinants::{ExactSigns, near};
 pub use elements::{BElement, b_subdifferential, clarke_element};
@@ -76,6 +75,7 @@ pub use selection::{Selection, Selections};
 pub use semismooth::Semismooth;
 pub use semismooth_regularity::{bd_regularity_semismooth, cd_regularity_semismooth};
 pub use uniqueness::{CertificateDoubt, LocalUniqueness, local_uniqueness, local_uniqueness_with};
+pub(crate) use vanishing::pointed_into;
 pub(crate) use vanishing::{Vanishing, gradient_of};
 
 pub use crate::exact::Exact;

@@ -1,19 +1,17 @@
 //! The selections active at a point one by one: which of them have points nearby, and the signs of their determinants.
 
-use super::derivative::pointed_into;
-use super::determinants::{Determinant, Determinants};
+use super::determinants::{Determinant, Determinants, Examined};
 use super::error::check_selection;
 use super::essential::open_cone;
-use super::vanishing::gradient_of;
+use super::vanishing::{gradient_of, pointed_into};
 use super::{ActiveSet, Activity, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
 use crate::spread::Random;
+use crate::tolerances::HALF_DIGITS;
 
 /// Steps after which the interior of a cell is undecided.
 const STEPS: usize = 20_000;
-/// Distance from the span of the others above which a unit gradient counts as independent of them.
-const INDEPENDENT: f64 = 1e-8;
 /// Distances, in units of the variables, at which test functions that may be identical are compared.
 const AROUND: [f64; 4] = [0.3, 0.1, 1e-2, 1e-3];
 
@@ -315,7 +313,7 @@ fn are_independent(gradients: &[Option<Vec<f64>>]) -> bool {
             }
         }
         let norm = dot(&g, &g).sqrt();
-        if norm.is_nan() || norm < INDEPENDENT {
+        if norm.is_nan() || norm < HALF_DIGITS {
             return false;
         }
         g.iter_mut().for_each(|v| *v /= norm);
@@ -347,12 +345,6 @@ pub(super) enum Signs {
 pub(super) fn no_determinant() -> PiecewiseError {
     let what = "no determinant is available for a sparse matrix of this size";
     LinearError::Solver { what: what.into() }.into()
-}
-
-/// A regular selection examined: its matrix is factored in `solver`, unless that took it for singular.
-pub(super) struct Examined<'a> {
-    pub(super) solver: Option<&'a mut AutoSolver>,
-    pub(super) selection: &'a Selection,
 }
 
 /// A value of the B-derivative.

@@ -4,17 +4,12 @@ use super::determinants::{Determinant, Determinants};
 use super::error::check_vector;
 use super::hull::{self, Hull};
 use super::orientation::{Cell, Cones, sign_of};
-use super::uniqueness::SINGULAR;
 use super::{CertificateDoubt, PiecewiseError, PiecewiseSmooth, Selection, active_set};
 use crate::linear::{AutoSolver, LinearError, LinearSolver, least_singular_value};
 use crate::sparse::{Matrix, Pattern};
+use crate::tolerances::{DENSE, DOUBTFUL, HALVINGS};
 use crate::words;
 use std::fmt;
-
-/// Rows up to which singular values and eigenvalues are computed: both are dense.
-pub(super) const DENSE: usize = 500;
-/// Bisections after which two numbers are neighbours.
-const HALVINGS: usize = 60;
 
 /// Whether all matrices of a set belonging to a point are regular.
 #[derive(Debug, Clone, PartialEq)]
@@ -210,7 +205,7 @@ pub(super) fn examine(
     }
     let cones = Cones::new(Box::new(map), x, &active, n);
     let mut jac = Matrix::zeros(map.pattern());
-    let mut determinants = Determinants::new(map, x, &jac, SINGULAR, true)?;
+    let mut determinants = Determinants::new(map, x, &jac, DOUBTFUL, true)?;
     let (mut tally, mut doubtful) = (Tally::new(keep), None);
     for (selection, examined) in active.selections().zip(0..) {
         if examined == cap {

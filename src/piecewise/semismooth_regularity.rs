@@ -3,9 +3,9 @@
 use super::error::check_vector;
 use super::orientation::sign_of;
 use super::regularity::{Element, Tally, convex_hull, singular};
-use super::uniqueness::SINGULAR;
 use super::{CertificateDoubt, PiecewiseError, Regularity, Selection, Semismooth};
 use crate::linear::{AutoSolver, LinearSolver};
+use crate::tolerances::DOUBTFUL;
 
 /// BD-regularity of a semismooth map, as [`bd_regularity`](super::bd_regularity) of a piecewise-smooth one: whether all elements that
 /// [`Semismooth::b_subdifferential`] gives at x, up to `cap` of them, are regular. Where it gives none the answer is undecided
@@ -90,7 +90,7 @@ pub(super) fn examine_elements(
             return Err(PiecewiseError::StrayEntry { row, col });
         }
         let selection = Selection::from_pieces([k]);
-        let sign = sign_of(&mut solver, &matrix, x.len(), SINGULAR)?;
+        let sign = sign_of(&mut solver, &matrix, x.len(), DOUBTFUL)?;
         if sign == Some(0) {
             return singular(vec![(selection, 1.0)], &matrix);
         }

@@ -1,17 +1,15 @@
 use std::borrow::Cow;
 use std::fmt;
 
+use super::determinants::Examined;
 use super::error::check_vector;
-use super::orientation::{Cones, Examined, Side, Signs, examine, no_determinant};
+use super::orientation::{Cones, Side, Signs, examine, no_determinant};
 use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::linear::{LinearError, LinearSolver};
 use crate::sparse::Matrix;
+use crate::tolerances::{COLUMNS, DOUBTFUL};
 use crate::words;
 
-/// Columns of the load solved for at a time.
-const BLOCK: usize = 64;
-/// Reciprocal condition below which ∇_yH^(σ) counts as singular: smooth folds are located no better.
-pub(super) const SINGULAR: f64 = 1e-11;
 /// Up to this number of cells cannot wind round x twice.
 const FEW: u64 = 4;
 /// Points whose preimages are counted, until none lies near a boundary of cells.
@@ -236,14 +234,14 @@ fn local_uniqueness_of(
     let cones = Cones::new(Box::new(map), x, active, n);
     let (mut block, mut sums) = (Vec::new(), vec![0.0; n]);
     let mut constant = 0.0_f64;
-    let signs = examine(&cones, active, cap, (SINGULAR, false), &mut |found| {
+    let signs = examine(&cones, active, cap, (DOUBTFUL, false), &mut |found| {
         let load = load(found.selection);
         check_rows(&load, n)?;
         let Some(solver) = found.solver else {
             constant = f64::INFINITY;
             return Ok(());
         };
-        block.resize(n * BLOCK.min(load.ncols()), 0.0);
+        block.resize(n * COLUMNS.min(load.ncols()), 0.0);
         match row_sums(solver, &load, &mut block, &mut sums) {
             Ok(()) => constant = sums.iter().fold(constant, |c, s| c.max(*s)),
             // Nearly singular: regular by its determinant, but the norm of its inverse is not reliable.
@@ -323,7 +321,7 @@ fn winding(cones: &Cones<'_>, active: &ActiveSet) -> Result<Option<LocalUniquene
             }
             Ok(())
         };
-        examine(cones, active, u64::MAX, (SINGULAR, false), &mut preimage)?;
+        examine(cones, active, u64::MAX, (DOUBTFUL, false), &mut preimage)?;
         if inside.len() > 1 {
             let mut list = inside.into_iter();
             if let (Some(first), Some(second)) = (list.next(), list.next()) {
@@ -348,8 +346,8 @@ fn row_sums(
 ) -> Result<(), LinearError> {
     let n = sums.len();
     sums.fill(0.0);
-    for first in (0..load.ncols()).step_by(BLOCK) {
-        let columns = &load.pattern().col_ptr()[first..=load.ncols().min(first + BLOCK)];
+    for first in (0..load.ncols()).step_by(COLUMNS) {
+        let columns = &load.pattern().col_ptr()[first..=load.ncols().min(first + COLUMNS)];
         let block = &mut block[..n * (columns.len() - 1)];
         block.fill(0.0);
         for (column, span) in block.chunks_exact_mut(n.max(1)).zip(columns.windows(2)) {

@@ -1,4 +1,4 @@
-use super::{PiecewiseSmooth, Selection, TestLayout};
+use super::{ActiveSet, PiecewiseSmooth, Selection, TestLayout, cell_margin};
 use crate::sparse::{dot, norm};
 
 /// A vanishing test function of a selection at a point.
@@ -77,4 +77,57 @@ pub(crate) fn gradient_of<P: PiecewiseSmooth + ?Sized>(
         unit[j] = 0.0;
         *g = rates[index];
     }
+}
+
+/// Of the active pieces of each degenerate site, the one into whose cell a direction d points most.
+pub(crate) fn pointed_into(
+    map: &dyn PiecewiseSmooth,
+    layout: &TestLayout,
+    active: &ActiveSet,
+    x: &[f64],
+    d: &[f64],
+) -> Selection {
+    let mut rates = vec![0.0; layout.total()];
+    map.test_derivatives(x, d, &mut rates);
+    let mut selection = entered(map, layout, active, &rates);
+    if map.has_nested_kinks() {
+        // Outer kinks depend on inner ones: as many rounds as kinks are nested determine all.
+        for _ in active.degenerate_sites() {
+            map.tests_of_selection(&selection, x, Some(d), &mut rates);
+            let next = entered(map, layout, active, &rates);
+            if next == selection {
+                break;
+            }
+            selection = next;
+        }
+    }
+    selection
+}
+
+/// The selection by given rates of the test functions.
+fn entered(map: &dyn PiecewiseSmooth, layout: &TestLayout, active: &ActiveSet, rates: &[f64]) -> Selection {
+    let mut selection = active.first().clone();
+    for (site, pieces) in active.degenerate_sites() {
+        let range = layout.range(*site);
+        let mut best = f64::NEG_INFINITY;
+        for &piece in pieces {
+            let facets: Vec<_> = map
+                .cell(*site, piece)
+                .iter()
+                .filter(|f| {
+                    active
+                        .vanishing()
+                        .binary_search(&(range.start + f.test()))
+                        .is_ok()
+                })
+                .copied()
+                .collect();
+            let margin = cell_margin(&facets, &rates[range.clone()]);
+            if margin > best {
+                best = margin;
+                selection.set(*site, piece);
+            }
+        }
+    }
+    selection
 }

@@ -6,10 +6,9 @@ use super::SensitivityError;
 use super::point::{Agreement, Compared, Solved, Verdict, compared};
 use crate::piecewise::{LocalUniqueness, PiecewiseSmooth};
 use crate::spread::Random;
+use crate::tolerances::DOUBTFUL;
 use crate::words::Coordinates;
 
-/// Reciprocal condition below which rounding may decide whether a matrix is singular.
-const DOUBTFUL: f64 = 1e-11;
 /// Directions along which two one-sided derivatives are compared, and how many of them are generic.
 const DIRECTIONS: usize = 16;
 const GENERIC: u64 = 4;

@@ -12,14 +12,11 @@ use crate::enumeration::{DirectionalArm, EnumerationOptions, all_arms};
 use crate::linear::LinearError;
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, check_vector};
 use crate::sparse::max_abs;
+use crate::tolerances::{HALF_DIGITS, TANGENTIAL};
 use crate::words::Count;
 
-/// Rate of a test function, relative to its terms, below which a direction runs along its zero set.
-const TANGENTIAL: f64 = 1e-9;
 /// Nodes of the search where too many selections are active to examine each: seconds.
 const NODES: u64 = 20_000;
-/// Largest difference, relative to the largest entry, of two branches that are one.
-const MERGE: f64 = 1e-8;
 
 /// How a solution moves as the parameters move along a direction δ.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,7 +138,7 @@ impl Solved {
             };
             let is_known = |b: &Branch| {
                 let largest = max_abs(&b.rate).max(max_abs(&found.rate));
-                (b.rate.iter().zip(&found.rate)).all(|(a, b)| (a - b).abs() <= MERGE * largest)
+                (b.rate.iter().zip(&found.rate)).all(|(a, b)| (a - b).abs() <= HALF_DIGITS * largest)
             };
             if found.margin >= -TANGENTIAL && !list.iter().any(is_known) {
                 list.push(found);

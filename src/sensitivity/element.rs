@@ -5,9 +5,8 @@ use crate::linear::{AutoSolver, LinearError, LinearSolver, least_singular_value}
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_vector, square};
 use crate::sparse::Matrix;
 use crate::spread::Random;
+use crate::tolerances::DENSE;
 
-/// Rows up to which the least singular value of an irregular matrix is computed, densely.
-const DENSE: usize = 500;
 /// Random signs with which the rounding of all terms is propagated, and the factor from the largest result to
 /// a bound: with fewer or smaller ones, terms that happen to cancel would be taken for certain.
 const PROBES: usize = 4;

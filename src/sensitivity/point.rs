@@ -9,16 +9,13 @@ use crate::piecewise::{
 };
 use crate::sparse::{Matrix, max_abs};
 use crate::spread::Random;
+use crate::tolerances::{HALF_DIGITS, ROUNDING};
 
 /// Steps of Newton's method that move the point given to the solution it is an approximation of.
 const STEPS: usize = 12;
 /// How far they may move it, relative to the terms that determine each unknown and to its typical size: solvers
 /// stop at 1e-8 or below.
 const NEAR: f64 = 1e-5;
-/// Steps that are this small against the same size and do not become smaller are noise of the function.
-const NOISE: f64 = 1e-8;
-/// Residuals relative to the largest variable that are rounding.
-const ROUNDED: f64 = 64.0 * f64::EPSILON;
 /// Random directions from which the rounding of test functions is found, and the factor to a bound.
 const PROBES: usize = 6;
 const ALLOWANCE: f64 = 8.0;
@@ -272,7 +269,7 @@ fn polish(
         let mut element = match Element::new(map, at, &selection) {
             Ok(element) => element,
             // At a kink another selection may be regular.
-            Err(SensitivityError::Irregular { .. }) if max_abs(&r) <= ROUNDED * largest => {
+            Err(SensitivityError::Irregular { .. }) if max_abs(&r) <= ROUNDING * largest => {
                 return Ok(vec![0.0; n]);
             }
             Err(e) => return Err(e),
@@ -297,7 +294,7 @@ fn polish(
         if d.iter().zip(&widths).all(|(d, w)| d.abs() <= *w) {
             return Ok(widths);
         }
-        let is_small = d.iter().zip(&sizes).all(|(d, s)| d.abs() <= NOISE * s);
+        let is_small = d.iter().zip(&sizes).all(|(d, s)| d.abs() <= HALF_DIGITS * s);
         noise = is_small.then(|| d.iter().zip(widths).map(|(d, w)| w.max(d.abs())).collect());
     }
     noise.ok_or(SensitivityError::NoSolution {

@@ -9,7 +9,7 @@ use crate::parallel;
 /// Rows that one thread takes at a time.
 pub(crate) const ROWS: usize = 1024;
 /// Most parts of the rows of a symmetric product, each of which needs memory for what it adds to other rows.
-const MOST_PARTS: usize = 32;
+pub(crate) const MOST_PARTS: usize = 32;
 
 /// Entries of blocks: double precision, or single precision where half of the memory is worth more than the digits.
 pub(crate) trait Entry:

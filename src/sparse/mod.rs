@@ -16,7 +16,8 @@ mod substructure;
 mod vector;
 
 pub(crate) use blocks::{
-    Blocks, Entry, ROWS, RowSum, Symmetric, add_all, add_product, add_transposed, subtract_transposed, wide,
+    Blocks, Entry, MOST_PARTS, ROWS, RowSum, Symmetric, add_all, add_product, add_transposed,
+    subtract_transposed, wide,
 };
 pub(crate) use coloring::Coloring;
 pub use error::SparseError;

@@ -1,5 +1,7 @@
 //! Rigid motions, and which of them are not resisted.
 
+use crate::tolerances::RESULT;
+
 /// Translations, then rotations about the axes.
 const NAMES: [&str; 6] = [
     "translation along x",
@@ -9,9 +11,6 @@ const NAMES: [&str; 6] = [
     "rotation about y",
     "rotation about z",
 ];
-
-/// Pivots of the Gram matrix below this part of its largest entry are zero.
-const NEGLIGIBLE: f64 = 1e-12;
 
 /// Position of a piece of a body, for motions about its centre in units of its size.
 #[derive(Debug, Clone, Copy, Default)]
@@ -82,7 +81,7 @@ impl Resistance {
         let scale = wanted.iter().map(|&i| g[i][i]).fold(0.0, f64::max);
         let mut free = Vec::new();
         for (k, &i) in wanted.iter().enumerate() {
-            if scale == 0.0 || g[i][i] <= NEGLIGIBLE * scale {
+            if scale == 0.0 || g[i][i] <= RESULT * scale {
                 free.push(NAMES[i]);
                 continue;
             }

@@ -6,18 +6,14 @@ use super::{Polyhedron, VariationalError};
 use crate::exact::Exact;
 use crate::judge::Emptiness;
 use crate::sparse::{dot, max_abs, norm};
+use crate::tolerances::{CHECKED, ROUNDING};
 
-/// Part of its terms below which the violation of a row is rounding.
-const ROUNDING: f64 = 32.0 * f64::EPSILON;
 /// A unit normal counts as dependent on the active ones if its part orthogonal to their span is shorter than this, times their
 /// coefficients.
 const DEPENDENT: f64 = 1e-13;
 
 /// How often rows are checked again after the rounding errors of earlier steps have been removed.
 const LOOKS: usize = 2;
-
-/// Part of its terms and of the points by which a constraint may be violated in the result.
-const MET: f64 = 1e-10;
 
 /// Radius of a certificate that exact arithmetic does not confirm, relative to the data.
 const MARGIN: f64 = 1e12;
@@ -514,7 +510,7 @@ impl<'a> Solver<'a> {
         let met = |p: &usize| {
             let (slack, size) = self.slack(*p);
             let off = if self.is_equation(*p) { slack.abs() } else { -slack };
-            self.norms[*p] == 0.0 || off <= MET * (size + far)
+            self.norms[*p] == 0.0 || off <= CHECKED * (size + far)
         };
         (0..self.kinds.len()).find(|p| !met(p))
     }

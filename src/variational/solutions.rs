@@ -5,10 +5,9 @@ use crate::enumeration::{Completeness, Continuum, EnumerationOptions, all_soluti
 use crate::exact::{Dictionary, Exact, quotient};
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, max_abs};
+use crate::tolerances::SAME;
 use num_traits::Zero;
 
-/// Two x that differ by less than this part of each component count as one, if the multipliers of both are not unique.
-const SAME: f64 = 1e-9;
 /// Part of the least length among the data below which x counts as rounding error.
 const ROUNDING: f64 = 1e-15;
 

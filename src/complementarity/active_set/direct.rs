@@ -1,13 +1,12 @@
 use super::ReducedSolver;
 use super::reduced::{check_order, check_square, is_symmetric};
 use crate::complementarity::ComplementarityError;
-use crate::linear::{Cholesky, DenseLu, LinearError, LinearSolver, SmallLu, SparseLu};
+use crate::linear::{Cholesky, DenseLu, LinearError, LinearSolver, SmallLu, SparseLu, prefers_dense};
 use crate::sparse::{Matrix, Pattern};
+use crate::tolerances::NONE;
 
 /// Up to this order full systems keep rows for all components, so that nothing is allocated from one set to the next.
 const KEEP_DENSE: usize = 64;
-/// Up to this order, or from a quarter of all entries, matrices are taken as full.
-const DENSE: usize = 200;
 /// Part of the components that must be free for the pattern of the whole matrix to be kept, and its symbolic analysis with it.
 const KEEP_SPARSE: f64 = 0.6;
 
@@ -44,8 +43,6 @@ enum Kind {
     Sparse,
 }
 
-const LEFT_OUT: usize = usize::MAX;
-
 impl DirectReduced {
     /// A solver without a matrix.
     #[must_use]
@@ -65,7 +62,7 @@ impl DirectReduced {
     fn factor_small(&mut self, matrix: &Matrix) -> bool {
         self.rows.clear();
         for (i, free) in self.free.iter().enumerate() {
-            self.place[i] = if *free { self.rows.len() } else { LEFT_OUT };
+            self.place[i] = if *free { self.rows.len() } else { NONE };
             if *free {
                 self.rows.push(i);
             }
@@ -76,7 +73,7 @@ impl DirectReduced {
         for (c, &j) in self.rows.iter().enumerate() {
             for e in p.col_ptr()[j]..p.col_ptr()[j + 1] {
                 let r = self.place[p.row_idx()[e]];
-                if r != LEFT_OUT {
+                if r != NONE {
                     entries[c * k + r] = matrix.values()[e];
                 }
             }
@@ -101,7 +98,7 @@ impl DirectReduced {
             for &j in &self.rows {
                 for k in entries(j) {
                     let i = self.place[p.row_idx()[k]];
-                    if i != LEFT_OUT {
+                    if i != NONE {
                         rows.push(i);
                         values.push(matrix.values()[k]);
                     }
@@ -131,7 +128,7 @@ impl ReducedSolver for DirectReduced {
     fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError> {
         check_square(matrix)?;
         let n = matrix.nrows();
-        let full = n <= DENSE || matrix.values().len() / n >= n / 4;
+        let full = prefers_dense(matrix.as_ref().pattern);
         self.symmetric = !full && is_symmetric(matrix);
         self.kind = match (full, self.symmetric) {
             (true, _) => Kind::Dense,
@@ -140,7 +137,7 @@ impl ReducedSolver for DirectReduced {
         };
         self.free.clear();
         self.free.resize(n, false);
-        self.place.resize(n, LEFT_OUT);
+        self.place.resize(n, NONE);
         self.rhs.resize(n, 0.0);
         self.rows.clear();
         self.rows.reserve(n);
@@ -166,7 +163,7 @@ impl ReducedSolver for DirectReduced {
         };
         self.rows.clear();
         for i in 0..n {
-            self.place[i] = LEFT_OUT;
+            self.place[i] = NONE;
             if keep || free[i] {
                 self.place[i] = self.rows.len();
                 self.rows.push(i);

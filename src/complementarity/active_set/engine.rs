@@ -9,6 +9,7 @@ use crate::complementarity::{BoundState, ComplementarityError};
 use crate::judge::{Columns, Judge};
 use crate::linear::{LinearError, Scaling};
 use crate::run::Status;
+use crate::tolerances::SUM;
 
 /// Relative accuracy asked of iterative solves while the sets still change much.
 const COARSE: f64 = 5e-2;
@@ -21,8 +22,6 @@ const FAR: f64 = 0.02;
 const MORE_BLOCKS: usize = 100;
 /// Further solves with sets that no longer change, where rounding left too much of the residual (a start far out).
 const REFINEMENTS: usize = 5;
-/// Rounding of w, relative to its terms, below which its sign is meaningless.
-const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// Largest ratio of the largest entries of two columns for which iterative solves measure unknowns in one unit: an error may exceed the
 /// tolerance by as much.
 const COMPARE: f64 = 30.0;
@@ -299,7 +298,7 @@ impl Engine {
                 return Ok(Status::Inaccurate);
             }
             let reached = self.size(z);
-            if reached <= ROUNDING * largest {
+            if reached <= SUM * largest {
                 (largest, afresh) = (0.0, true);
             }
             largest = largest.max(reached);
@@ -452,7 +451,7 @@ impl Engine {
         (self.blocks).largest(in_units(z, &self.units), &mut self.sizes);
         let mut changes = 0;
         for i in 0..z.len() {
-            let rounding = ROUNDING * self.sizes[self.blocks.of(i)] * unit(&self.units, i);
+            let rounding = SUM * self.sizes[self.blocks.of(i)] * unit(&self.units, i);
             let now = self.states[i];
             let reach = self.w[i] / self.scale[i];
             self.next[i] = if lower[i] == upper[i] {

@@ -16,11 +16,10 @@ use crate::linear::LinearError;
 use crate::piecewise::is_ordinary;
 use crate::run::Status;
 use crate::spread::golden;
+use crate::tolerances::ROUNDING;
 
 /// Exchanges after which the values of the basic variables are compared with the equations.
 const CHECK_EVERY: usize = 32;
-/// Distances to bounds below this part of the right-hand side are zero.
-const ZERO: f64 = 1e-14;
 /// Largest order, to limit memory: the inverse takes 8 n² bytes, and five times that while it is recomputed.
 const MAX_ORDER: usize = 20_000;
 
@@ -346,7 +345,7 @@ impl Lemke {
             }
         }
         self.values(lcp);
-        self.zero = ZERO * self.rhs.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        self.zero = ROUNDING * self.rhs.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         Ok(true)
     }
 

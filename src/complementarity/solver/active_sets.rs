@@ -8,6 +8,7 @@ use crate::complementarity::Lcp;
 use crate::complementarity::active_set::{ActiveSetIteration, ActiveSetOptions, ActiveSetSolver};
 use crate::run::Status;
 use crate::sparse::Matrix;
+use crate::tolerances::ROUNDING;
 
 /// Number of components from which active sets come first: below, full steps of the natural map, which are the same iteration, take less
 /// than a millisecond each, and the other strategies are within reach.
@@ -15,9 +16,6 @@ const LARGE: usize = 300;
 
 /// Iterations after which active sets are given up: they need a dozen where they suit the problem, one a node of a path where not.
 const MOST: usize = 100;
-
-/// Tolerance relative to the largest unknown, near rounding, so that rows whose unknowns are smaller are accurate, too.
-const ACCURATE: f64 = 32.0 * f64::EPSILON;
 
 /// Whether a run from `x` begins with active sets.
 pub(super) fn come_first(problem: &Parts<'_>, options: &McpOptions) -> bool {
@@ -45,7 +43,7 @@ pub(super) fn start(
     };
     let own = ActiveSetOptions::default()
         .with_max_iterations(MOST.min(options.max_iterations.max(1)))
-        .with_tolerance(ACCURATE.min(options.tolerance));
+        .with_tolerance(ROUNDING.min(options.tolerance));
     let mut z: Vec<f64> = { x.iter().zip(lcp.lower().iter().zip(lcp.upper())) }
         .map(|(x, (l, u))| x.max(*l).min(*u))
         .collect();

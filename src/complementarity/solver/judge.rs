@@ -6,9 +6,7 @@ use crate::complementarity::problem::natural;
 use crate::judge::{Columns, Point, Verdict};
 use crate::run::Status;
 use crate::sparse::max_abs;
-
-/// Distance to zero or to a bound, relative to 1 + ‖x‖, that is treated as rounding error: the point without it is tried as a solution.
-const ROUND_OFF: f64 = 1e-8;
+use crate::tolerances::HALF_DIGITS;
 
 /// Part of x by which another point differs where derivatives are compared.
 const BESIDE: f64 = 1.0 / 1024.0;
@@ -123,7 +121,7 @@ impl Engine<'_> {
     /// terms of a row vanish at a solution, its residual never gets small relative to them.
     pub(super) fn round_off(&mut self) -> bool {
         let n = self.n();
-        let near = ROUND_OFF * (1.0 + max_abs(&self.work.here.x));
+        let near = HALF_DIGITS * (1.0 + max_abs(&self.work.here.x));
         let mut moved = false;
         self.work.trial.x.copy_from_slice(&self.work.here.x);
         for i in 0..n {

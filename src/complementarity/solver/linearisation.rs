@@ -1,9 +1,9 @@
 //! ∇F at a point, in the units of the problem and equilibrated.
 
 use crate::complementarity::McpFunction;
-use crate::judge::ROUNDING;
 use crate::judge::equilibrate;
 use crate::sparse::{Matrix, Pattern};
+use crate::tolerances::ROUNDING;
 
 /// Factors of rows and columns lie between this and its reciprocal, except for rows whose value of F requires more.
 const LEAST_FACTOR: f64 = 1e-8;

@@ -1,8 +1,5 @@
 //! Parameters of an attempt. Names of tests, here and in `strategies`, are those of `tests/mcp` that fail where a number is wrong.
 
-/// Sufficient decrease of the line search.
-pub(super) const ARMIJO: f64 = 1e-4;
-
 /// The numbers of a descent.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plan {

@@ -2,10 +2,11 @@
 
 use super::McpStep;
 use super::engine::Engine;
-use super::plan::{ARMIJO, Plan};
-use super::system::NORMAL_EQUATIONS;
+use super::plan::Plan;
 use super::work::Work;
 use crate::complementarity::fischer::{Gap, component_gradient, is_kink};
+use crate::linear::DENSE_LIMIT;
+use crate::tolerances::ARMIJO;
 
 /// Regularised steps by normal equations: the first parameter relative to ‖Φ‖ (at most 1), its growth, and how many are tried.
 const REGULARISED: (f64, f64, usize) = (1e-3, 30.0, 5);
@@ -191,7 +192,7 @@ impl Engine<'_> {
         {
             return Some((McpStep::FischerBurmeister, t));
         }
-        if n <= NORMAL_EQUATIONS {
+        if n <= DENSE_LIMIT {
             let (first, growth, most) = REGULARISED;
             let mut mu = norm.min(1.0) * first;
             for _ in 0..most {

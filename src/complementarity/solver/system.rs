@@ -7,9 +7,6 @@ use crate::sparse::{Matrix, Pattern};
 /// Orders up to this one are eliminated by [`SmallLu`], reduced to the free components.
 const SMALL: usize = 48;
 
-/// Orders up to this one have least-squares steps from normal equations.
-pub(super) const NORMAL_EQUATIONS: usize = 200;
-
 /// A step d and what it is computed with. J is the equilibrated Jacobian in all of this.
 #[derive(Debug, Clone)]
 pub(super) struct System {

@@ -2,18 +2,8 @@
 
 use super::cone::tangential_norm;
 use super::scaled::ScaledProblem;
+use super::tolerances::{FREEZE, INTERIOR_START, LARGE, SHORT};
 use crate::cones::{self, Cone, Image};
-
-/// Below this length a step is taken to be shortened by De Saxcé's term; the next few steps omit its derivative. The iteration then is that
-/// of a convex problem: slower, with longer steps.
-pub(super) const SHORT: f64 = 0.1;
-const FREEZE: usize = 5;
-
-/// Orders from here on are solved by Cholesky and GMRES where M is sparse: fill-in is a fraction of that of LU.
-const LARGE: usize = 1500;
-
-/// Least distance of the first point from the boundaries of the cones, where ‖q‖ is 1.
-const LEAST: f64 = 1e-3;
 
 /// In x = (μ r_N, r_T) and y = (û_N / μ, û_T) both cones are the second-order cone L, and the problem reads y = M̃ x + q̃ + ‖u_T‖ e_N,
 /// x ∘ y = 0. The Newton matrix G M̃ + W², G the derivative of De Saxcé's term, is regular whatever the rank of M, so that the iteration
@@ -185,7 +175,7 @@ impl<const D: usize> Interior<D> {
             }
         }
         let (engine, mut law) = self.parts(p);
-        engine.start(&mut law, x.as_flattened(), LEAST);
+        engine.start(&mut law, x.as_flattened(), INTERIOR_START);
     }
 
     /// The reactions of x.

@@ -2,9 +2,7 @@
 
 use super::cone::tangential_norm;
 use super::scaled::Block;
-
-/// Largest number of secant and bisection steps for the slip; the bracket halves in each, on a logarithmic scale.
-const STEPS: usize = 80;
+use super::tolerances::SLIP_STEPS;
 
 /// The reaction of a single contact with u = W r + b.
 ///
@@ -86,7 +84,7 @@ pub(super) fn solve_contact<const D: usize>(w: &Block<D>, b: &[f64; D], mu: f64)
     }
     // Regula falsi (Illinois), with bisection where it is slow.
     let mut side = 0;
-    for step in 0..STEPS {
+    for step in 0..SLIP_STEPS {
         if high - low <= 1e-15 * high || f_high.abs() < 1e-15 {
             break;
         }

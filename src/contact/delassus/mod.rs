@@ -15,6 +15,7 @@ mod run;
 mod scaled;
 mod settled;
 mod solver;
+mod tolerances;
 
 pub use error::DelassusError;
 #[cfg(feature = "json")]

@@ -2,19 +2,11 @@
 
 use super::cone::tangential_norm;
 use super::scaled::{Block, ScaledProblem, Vector, add_product};
+use super::tolerances::{HALVINGS, INEXACT, MEMORY};
 use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
-
-/// The line search is nonmonotone and compares with the largest of the last merits: across kinks a full step may increase the merit and
-/// still lead to a faster decrease later.
-const MEMORY: usize = 4;
-const HALVINGS: usize = 12;
-const ARMIJO: f64 = 1e-4;
-
-/// A proximal problem counts as solved where its residual is this small relative to the proximal step (R. T. Rockafellar 1976, criterion
-/// B).
-const INEXACT: f64 = 0.1;
+use crate::tolerances::ARMIJO;
 
 /// How an inner iteration ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -357,13 +349,13 @@ mod tests {
             if piece == Piece::Slip {
                 let (a, b) = slip_derivative(mu, &r, &u);
                 for k in 0..3 {
-                    const H: f64 = 1e-6;
+                    let small = 1e-6;
                     let moved =
                         |v: &[f64; 3], h: f64| std::array::from_fn(|j| v[j] + if j == k { h } else { 0.0 });
-                    let of_r = [H, -H].map(|h| alart_curnier(mu, &moved(&r, h), &u).f);
-                    let of_u = [H, -H].map(|h| alart_curnier(mu, &r, &moved(&u, h)).f);
+                    let of_r = [small, -small].map(|h| alart_curnier(mu, &moved(&r, h), &u).f);
+                    let of_u = [small, -small].map(|h| alart_curnier(mu, &r, &moved(&u, h)).f);
                     for i in 0..3 {
-                        let slope = |f: &[[f64; 3]; 2]| 0.5 * (f[0][i] - f[1][i]) / H;
+                        let slope = |f: &[[f64; 3]; 2]| 0.5 * (f[0][i] - f[1][i]) / small;
                         let near = |s: f64, d: f64| (s - d).abs() < 1e-4 * (1.0 + d.abs());
                         let curved = r[0] - u[0] < 1e-2 || (r[1] - u[1]).hypot(r[2] - u[2]) < 1e-2;
                         assert!(curved || near(slope(&of_r), a[i][k]) && near(slope(&of_u), b[i][k]));

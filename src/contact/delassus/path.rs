@@ -3,26 +3,14 @@
 use super::cone::tangential_norm;
 use super::interior::Interior;
 use super::scaled::{Block, ScaledProblem, Vector, add_product};
+use super::tolerances::{
+    CORRECTED, CORRECTIONS, FIRST, FIRST_HALVINGS, FIRST_RESIDUAL, FIRST_STEP, LARGEST_STEP, LEAST_STEP,
+    LENGTHEN, SHORTEN,
+};
 use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
-
-/// Largest number of Newton iterations for the first point, and its tolerance.
-const FIRST: usize = 60;
-const FIRST_RESIDUAL: f64 = 1e-8;
-const HALVINGS: usize = 20;
-
-/// Largest number of corrections of a step, each at most half of the one before; the step is accepted once a correction is this share of
-/// its length.
-const CORRECTIONS: usize = 6;
-const CORRECTED: f64 = 1e-3;
-
-/// Lengths of steps in (x / max(1, ‖x‖), ln ν).
-const FIRST_STEP: f64 = 0.5;
-const LARGEST_STEP: f64 = 3.0;
-const LEAST_STEP: f64 = 1e-9;
-const GROW: f64 = 1.5;
-const SHRINK: f64 = 0.7;
+use crate::tolerances::ARMIJO;
 
 /// Points (x, ν) with x ∘ y = ν e, y = M̃ x + q̃ + √(‖u_T‖² + ν²) e_N, in the variables of [`Interior`].
 ///
@@ -228,13 +216,13 @@ impl<const D: usize> CentralPath<D> {
             let newton = self.rhs[..n].to_vec();
             let mut length = 1.0;
             let mut found = f64::INFINITY;
-            for _ in 0..HALVINGS {
+            for _ in 0..FIRST_HALVINGS {
                 let moved = self.x.iter().zip(newton.chunks_exact(D));
                 for (trial, (x, d)) in self.trial.iter_mut().zip(moved) {
                     *trial = std::array::from_fn(|k| x[k] + length * d[k]);
                 }
                 found = self.evaluate(p, self.log_nu);
-                if found <= (1.0 - 1e-4 * length) * norm {
+                if found <= (1.0 - ARMIJO * length) * norm {
                     break;
                 }
                 length *= 0.5;
@@ -308,9 +296,9 @@ impl<const D: usize> CentralPath<D> {
             self.log_nu = log_nu;
             self.turn();
             if corrections <= 2 {
-                self.step = (GROW * h).min(LARGEST_STEP);
+                self.step = (LENGTHEN * h).min(LARGEST_STEP);
             } else if corrections > 3 {
-                self.step = SHRINK * h;
+                self.step = SHORTEN * h;
             }
             return Some(());
         }

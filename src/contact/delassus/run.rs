@@ -3,86 +3,22 @@
 use std::ops::ControlFlow;
 
 use super::cone::tangential_norm;
-use super::interior::{Interior, SHORT};
+use super::interior::Interior;
 use super::local::solve_contact;
 use super::newton::{Inner, Newton, Piece};
 use super::path::CentralPath;
 use super::report::{DelassusIteration, DelassusPhase, DelassusReport};
 use super::scaled::{ScaledProblem, Vector, add_product, larger};
 use super::settled::solve_settled;
+use super::tolerances::{
+    ALPHA, ALPHA_NEAR, ALPHA_SMALL, AT_REST, FEW_SWEEPS, FIRST_PATIENCE, GROW, HEAVY, INNER, INTERIOR_STEPS,
+    LARGEST_ALPHA, LEAST_ALPHA, LEAST_NU, LEAST_PRECISION, MAX_IDLE, MORE_SWEEPS, NEAR, PATH_PATIENCE,
+    PATIENCE, PRECISION, QUICK, QUICK_PATIENCE, REPORTED, SHORT, SHRINK, SMALL, SWEEPS, ZERO,
+};
 use super::{DelassusError, DelassusOptions, DelassusProblem};
 use crate::clock::Deadline;
 use crate::contact::ContactState;
 use crate::run::Status;
-
-/// Number of sweeps of the cheap first attempt, and number after which unchanged states may be tried, in the plane by one linear system, in
-/// space by Newton's method: up to SMALL unknowns a factorisation costs no more than the remaining sweeps.
-const SWEEPS: usize = 30;
-const FEW_SWEEPS: [usize; 2] = [3, 4];
-const SMALL: usize = 64;
-
-/// Sweeps that change no reaction by more than this share of the largest one have converged.
-const AT_REST: f64 = 2.0 * f64::EPSILON;
-/// A traction below this share of the bound sticks.
-const STICK: f64 = 1.0 - 1e-9;
-
-/// First weight of the proximal term, far from a solution and after interior points; its changes after success and failure.
-const ALPHA: f64 = 1e-2;
-const ALPHA_NEAR: f64 = 1e-5;
-/// In a small problem the first weight: near the least one with which half of the digits remain where M is singular.
-const ALPHA_SMALL: f64 = 1e-8;
-const SHRINK: f64 = 0.3;
-const GROW: f64 = 4.0;
-const LEAST_ALPHA: f64 = 1e-10;
-const LARGEST_ALPHA: f64 = 1e6;
-
-/// Tolerance of a proximal problem relative to the largest reaction, first and last.
-const PRECISION: f64 = 1e-14;
-const LEAST_PRECISION: f64 = 1e-24;
-
-/// Newton iterations of one proximal step.
-const INNER: usize = 60;
-
-/// Factorisations without a gain of a factor 3 after which proximal steps are given up: more than one step may take, so that no single step
-/// ends the attempt before a larger α has been tried.
-const PATIENCE: usize = 300;
-const FIRST_PATIENCE: usize = INNER + INNER / 2;
-/// Newton iterations of one proximal step before interior points are tried. The attempt ends with the first step that fails; where there is
-/// no solution, all may converge while reactions grow without bound, and the limit on factorisations without gain ends it.
-const QUICK: usize = 6;
-const QUICK_PATIENCE: usize = 30;
-/// Largest number of consecutive proximal steps without a factorisation: α is then minimal and the iterate does not change.
-const MAX_IDLE: usize = 60;
-
-/// Weight of velocities in Newton's residual where 1 has failed: with 1, contacts of packings may alternate between open and closed from
-/// one iteration to the next.
-const HEAVY: f64 = 100.0;
-
-/// Sweeps of a small problem between two checks of the time limit.
-const LOOKED: usize = 10;
-/// Sweeps per entry of the history.
-const REPORTED: usize = 100;
-/// Sweeps before each further attempt at proximal steps.
-const MORE_SWEEPS: [usize; 4] = [300, 1000, 3000, 10_000];
-
-/// Residual from which proximal steps converge, as a rule.
-const NEAR: f64 = 1e-6;
-
-/// Largest violation of the law against q and u that a solution may have.
-const VIOLATION: f64 = 1e-6;
-
-/// Largest number of interior-point steps in one attempt.
-const INTERIOR_STEPS: usize = 80;
-
-/// Largest number of factorisations on the central path, and number after which it is given up unless ν has come below half of its least
-/// value: in a heap whose path had 16 folds it took some 2000, and some 1200 without a new least value.
-const PATH: usize = 3000;
-const PATH_PATIENCE: usize = 1500;
-/// The ν at which the central path is left.
-const LEAST_NU: f64 = 1e-16;
-
-/// Reactions and slips below this share of the terms that cancel at the contact, in scaled variables, count as 0.
-const ZERO: f64 = 1e-9;
 
 /// Break with a status ends the run.
 type Outcome = ControlFlow<Status>;
@@ -182,7 +118,7 @@ impl<'a, const D: usize> Run<'a, D> {
         self.scaled.unscale(&self.r, &mut self.plain);
         self.scaled.scale_into(&self.plain, &mut self.at);
         let law = self.scaled.law(&self.at, &mut self.u, &mut self.contacts);
-        let small = law.violation <= VIOLATION;
+        let small = law.violation <= NEAR;
         // Far from a solution the residual of the worst contact says little: the norm over all contacts is compared first.
         let progress = match small {
             false => law.violation,
@@ -359,12 +295,6 @@ impl<'a, const D: usize> Run<'a, D> {
     /// At most n sweeps: fewer at the time limit, where they converge, or, on request, where states are unchanged. Returns their number.
     fn sweeps_of(&mut self, n: usize, until_settled: bool) -> ControlFlow<Status, usize> {
         let n = n.min(self.options.max_sweeps);
-        // This many sweeps of a small problem take less than a millisecond.
-        let unseen = if D * self.scaled.contacts() <= SMALL {
-            LOOKED
-        } else {
-            1
-        };
         let (mut done, mut ended) = (0, false);
         while done < n && !ended {
             let end = n.min(done + REPORTED);
@@ -374,7 +304,7 @@ impl<'a, const D: usize> Run<'a, D> {
             self.scaled.matrix.add(&self.r, &mut self.u);
             self.stale.fill(true);
             while done < end && !ended {
-                ended = done % unseen + 1 == unseen && self.newton.deadline.is_over();
+                ended = self.newton.deadline.is_over();
                 if ended {
                     break;
                 }
@@ -433,7 +363,7 @@ impl<'a, const D: usize> Run<'a, D> {
     fn central_path(&mut self, interior: Interior<D>) -> Outcome {
         let mut path = CentralPath::new(&self.scaled, interior);
         let deadline = self.newton.deadline;
-        let left = PATH.min(self.options.max_factorisations - self.newton.factorisations);
+        let left = self.options.max_factorisations - self.newton.factorisations;
         let begun = self.newton.factorisations;
         let (mut least, mut least_at) = (1.0, 0);
         let mut spent = 0;
@@ -539,7 +469,7 @@ impl<'a, const D: usize> Run<'a, D> {
 fn piece<const D: usize>(mu: f64, r: &[f64; D]) -> Piece {
     if r[0] <= 0.0 {
         Piece::Open
-    } else if tangential_norm(r) < STICK * mu * r[0] {
+    } else if tangential_norm(r) < (1.0 - ZERO) * mu * r[0] {
         Piece::Stick
     } else {
         Piece::Slip

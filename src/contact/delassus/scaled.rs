@@ -5,6 +5,7 @@ use super::cone::natural_residual;
 use crate::judge::laws::coulomb;
 use crate::judge::power_below;
 use crate::sparse::max_abs;
+use crate::tolerances::RESULT;
 
 /// A vector of blocks, one a contact.
 pub(super) type Vector<const D: usize> = Vec<[f64; D]>;
@@ -155,9 +156,6 @@ pub(super) struct Law {
     pub(super) violation: f64,
 }
 
-/// A contact whose terms are a smaller share of the largest ones is measured against this share: smaller quantities are lost in rounding.
-const NEGLIGIBLE: f64 = 1e-12;
-
 /// The larger one of m and the largest modulus of z.
 pub(super) fn larger<const D: usize>(m: f64, z: &[f64; D]) -> f64 {
     // `f64::max` takes several times as long for the sake of NaN, which is not larger here either.
@@ -279,7 +277,7 @@ impl<const D: usize> ScaledProblem<D> {
         } else {
             0.0
         };
-        let least = NEGLIGIBLE * NEGLIGIBLE * largest;
+        let least = RESULT * RESULT * largest;
         let blocks = contacts
             .iter()
             .map(|[size, error]| share(*error, size.max(least)));
@@ -303,7 +301,7 @@ impl<const D: usize> ScaledProblem<D> {
         }
         let largest = contacts.iter().fold(0.0_f64, |m, c| m.max(c[0])).sqrt();
         (0..r.len()).fold(0.0, |worst: f64, i| {
-            let size = contacts[i][0].sqrt().max(NEGLIGIBLE * largest);
+            let size = contacts[i][0].sqrt().max(RESULT * largest);
             worst.max(coulomb(self.friction[i], &r[i], &u[i], &terms[i], size))
         })
     }

@@ -3,9 +3,7 @@ use super::ReducedOptions;
 use super::floating::floating_piece;
 use crate::contact::{ContactBody, ContactError, LoadPath};
 use crate::sparse::{Matrix, NodalBlocks, NodalMatrix, Place, SparseError, Symmetric};
-
-/// Largest deviation of the traces of a node from orthonormality.
-const ORTHONORMAL: f64 = 1e-10;
+use crate::tolerances::CHECKED;
 
 /// A large elastic body with contact nodes: the counterpart of [`ContactBody`](crate::contact::ContactBody) for
 /// [`ReducedContact`](super::ReducedContact), with its stiffness matrix in nodal blocks.
@@ -337,7 +335,7 @@ fn is_orthonormal(frame: &[[f64; 3]; 3], dim: usize) -> bool {
     (0..dim * dim).all(|e| {
         let (i, j) = (e / dim, e % dim);
         let product: f64 = (0..dim).map(|d| frame[i][d] * frame[j][d]).sum();
-        (product - f64::from(u8::from(i == j))).abs() <= ORTHONORMAL
+        (product - f64::from(u8::from(i == j))).abs() <= CHECKED
     })
 }
 
@@ -349,8 +347,7 @@ fn complete(dim: usize, frame: &mut [[f64; 3]; 3], prescribed: impl Fn(usize) ->
     for d in (1..dim).filter(|&d| empty(&frame[d])).collect::<Vec<_>>() {
         let mut row = [0.0; 3];
         // The first prescribed component orthogonal to the other directions.
-        let Some(k) = (0..dim).find(|&k| prescribed(k) && frame.iter().all(|f| f[k].abs() <= ORTHONORMAL))
-        else {
+        let Some(k) = (0..dim).find(|&k| prescribed(k) && frame.iter().all(|f| f[k].abs() <= CHECKED)) else {
             continue;
         };
         row[k] = 1.0;

@@ -15,10 +15,10 @@ use crate::linear::LinearError;
 use crate::piecewise::check_vector;
 use crate::sensitivity::SensitivityError;
 use crate::sparse::{Matrix, max_abs};
+use crate::tolerances::ROUNDING;
 
 /// Multiples of a further Newton step, and of the rounding of the largest force of a node, that a test function must exceed to have a sign.
 const ALLOWANCE: f64 = 64.0;
-const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
 /// Largest relative residual of the linear systems; results are refused above ten times of it.
 const TOLERANCE: f64 = 1e-11;
 const LARGEST: f64 = 10.0 * TOLERANCE;
@@ -495,7 +495,7 @@ impl ReducedSensitivity<'_> {
                 let (test, row) = (tests[facet.test()], &rows[facet.test()]);
                 let size = row.pressure.abs() + row.traction[0].abs() + row.traction[1].abs();
                 let error =
-                    ALLOWANCE * row.along(&moved).abs() + ROUNDINGS * largest * size.max(f64::MIN_POSITIVE);
+                    ALLOWANCE * row.along(&moved).abs() + ROUNDING * largest * size.max(f64::MIN_POSITIVE);
                 let margin = test.abs() / error.max(f64::MIN_POSITIVE);
                 self.margin = self.margin.min(margin);
                 if margin <= 1.0 && self.kink.is_none() {

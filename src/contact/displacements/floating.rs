@@ -2,9 +2,7 @@
 
 use crate::contact::ContactError;
 use crate::sparse::{NodalBlocks, NodalMatrix, Place, Resistance, Symmetric, pieces};
-
-/// Forces due to a rigid motion below this share of the sum of the moduli of their terms are rounding.
-const ROUNDING: f64 = 1e-10;
+use crate::tolerances::CHECKED;
 
 /// The first piece (set of coupled nodes) with zero-energy rigid motions. Components of the nodes in `contacts` are along their frames.
 pub(in crate::contact) fn floating_piece(
@@ -73,7 +71,7 @@ fn floating<const F: usize>(
             }
         });
         for (force, terms) in force.iter().zip(terms) {
-            if force.iter().any(|f| f.abs() > ROUNDING * terms) {
+            if force.iter().any(|f| f.abs() > CHECKED * terms) {
                 held[piece[i]].add(&force.map(|f| f / terms));
             }
         }

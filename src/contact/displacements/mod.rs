@@ -25,6 +25,7 @@ use super::{
 use crate::clock::{Clock, Until};
 use crate::linear::LinearError;
 
+use crate::contact::forms::CONDENSED;
 pub use body::ReducedBody;
 pub use derivative::ReducedSensitivity;
 pub use evolution::ReducedLevel;
@@ -35,8 +36,6 @@ pub use solve::{ReducedError, ReducedNodes, ReducedObserver, solve_reduced, solv
 use system::SerialSystem;
 pub use system::{KrylovObserver, KrylovOutcome, ReducedStep, ReducedSystem};
 
-/// Largest number of pressures and tractions with which the condensed form, whose matrices are dense, is tried.
-const MAX_DENSE: usize = 10_000;
 /// How many more displacements a body in the plane may have than one in space for a factorisation of about the same cost.
 const THINNER: usize = 10;
 
@@ -303,7 +302,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             2 => self.options.max_condensed.saturating_mul(THINNER),
             _ => self.options.max_condensed,
         };
-        if n > most || q > MAX_DENSE || late {
+        if n > most || q > CONDENSED || late {
             return Err(failed.into());
         }
         let clock = Clock::start();

@@ -12,13 +12,12 @@ use crate::clock::{Clock, Deadline};
 use crate::contact::law::NodeLaw;
 use crate::contact::rounding::{SMALLEST, size_of_forces};
 use crate::contact::{ContactError, ContactResiduals, ContactState};
+use crate::tolerances::ARMIJO;
 
 /// Number of full steps that do not halve the best residual, after which steps are damped.
 const PATIENCE: usize = 8;
 /// Smallest step length.
 const SHORTEST: f64 = 1.0 / 128.0;
-/// Relative decrease of the residual required of a damped step, per unit of step length.
-const DESCENT: f64 = 1e-4;
 /// Smallest relative tolerance of a linear system, and its share of the reduction of the residual still needed.
 const EXACT: f64 = 1e-4;
 const SHARE: f64 = 0.3;
@@ -568,7 +567,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
                 u[k] = from[k] + part * step[k];
                 trial[k] = image[k] + part * change[k];
             }
-            if self.judge(u, &trial, None)?.merit <= (1.0 - DESCENT * part) * merit {
+            if self.judge(u, &trial, None)?.merit <= (1.0 - ARMIJO * part) * merit {
                 return Ok(part);
             }
             part *= 0.5;

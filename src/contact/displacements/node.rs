@@ -3,13 +3,10 @@
 use crate::contact::ContactState;
 use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
 use crate::contact::solution::piece_of;
+use crate::tolerances::{CHECKED, RESULT};
 
-/// Pivots below this share of the largest entry count as zero.
-const PIVOT: f64 = 1e-10;
 /// Shift that keeps nearly singular blocks of the forces invertible, relative to their size.
 const SOFTENING: f64 = 1e-9;
-/// Coefficients of a law below this, relative to r or 1, count as zero.
-const NOTHING: f64 = 1e-12;
 
 /// The linearised law of a node: some components of its displacement are prescribed, for the others (`free`)
 /// δλ = stiffness δu + constant + coupling δλν, the last with prescribed penetration only.
@@ -51,10 +48,10 @@ impl Node {
             ..Self::default()
         };
         let refuse = || law.piece_name(piece).into();
-        let small = |row: &[f64; 3], unit: f64| row.iter().all(|c| c.abs() <= NOTHING * unit);
-        if small(&e[0], 1.0) && small(&[0.0, d[0][1], d[0][2]], v.r) && d[0][0].abs() > NOTHING * v.r {
+        let small = |row: &[f64; 3], unit: f64| row.iter().all(|c| c.abs() <= RESULT * unit);
+        if small(&e[0], 1.0) && small(&[0.0, d[0][1], d[0][2]], v.r) && d[0][0].abs() > RESULT * v.r {
             node.prescribed[0] = Some(-h[0] / d[0][0]);
-        } else if e[0][0].abs() <= PIVOT {
+        } else if e[0][0].abs() <= CHECKED {
             return Err(refuse());
         }
         let held = node.prescribed[0].is_some();
@@ -149,7 +146,7 @@ fn solve(m: &[[f64; 3]; 3], range: std::ops::Range<usize>, b: &[f64; 3]) -> Opti
         .fold(0.0f64, |s, (a, c)| s.max(m[a][c].abs()));
     for k in range.clone() {
         let pivot = (k..range.end).max_by(|&i, &j| m[i][k].abs().total_cmp(&m[j][k].abs()))?;
-        if m[pivot][k].is_nan() || m[pivot][k].abs() <= PIVOT * size || size == 0.0 {
+        if m[pivot][k].is_nan() || m[pivot][k].abs() <= CHECKED * size || size == 0.0 {
             return None;
         }
         m.swap(k, pivot);

@@ -13,19 +13,10 @@ use crate::linear::{CondensedRows, DenseLu, Hierarchical, HierarchicalLu, Linear
 use crate::parallel;
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::Matrix;
-
-/// Residual relative to the largest force that counts as rounding, and a larger one that does where the residual no longer falls.
-const ROUNDING: f64 = 1e-14;
-const NEARLY: f64 = 1e-10;
+use crate::tolerances::{CHECKED, COLUMNS, RESULT, ROUNDING};
 
 /// A residual above this share of the earlier one with the same pieces is no progress.
 const PROGRESS: f64 = 0.9;
-
-/// Number of columns of the matrix that one thread assembles at a time.
-const COLUMNS: usize = 64;
-
-/// Smallest pivot of a node's block relative to its largest entry.
-const PIVOT: f64 = 1e-12;
 
 /// The rows of one node, D δv + E δλ = b, after elimination: the first `rank` contain displacements; the others give δλ = T μ + s with
 /// `rank` free components μ.
@@ -55,7 +46,7 @@ impl Node {
         while n.rank < blocks {
             let k = n.rank;
             let (row, column) = pivot(&n.d, k..blocks, blocks, &used);
-            if n.d[row][column].abs() <= PIVOT * largest {
+            if n.d[row][column].abs() <= RESULT * largest {
                 break;
             }
             n.d.swap(k, row);
@@ -103,7 +94,7 @@ impl Node {
                 .fold(0.0f64, |m, v| m.max(v.abs()));
             let (row, column) = pivot(&self.e, k..blocks, blocks, &used);
             let p = self.e[row][column];
-            if p.abs() <= PIVOT * size || p == 0.0 {
+            if p.abs() <= RESULT * size || p == 0.0 {
                 return None;
             }
             self.e.swap(k, row);
@@ -209,7 +200,7 @@ impl ReducedNewton {
                 return false;
             };
             let Look { worst, size, .. } = look;
-            let settled = worst <= NEARLY * size && worst > 0.1 * before;
+            let settled = worst <= CHECKED * size && worst > 0.1 * before;
             if worst <= ROUNDING * size || settled || (!look.changed && law.is_affine()) {
                 return true;
             }

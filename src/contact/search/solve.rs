@@ -7,15 +7,13 @@ use super::reduced::ReducedNewton;
 use super::strategy;
 use super::tries::{Observer, newton_step};
 use crate::contact::error::check_finite;
+use crate::contact::forms::CONDENSED;
 use crate::contact::law::{LocalValues, NodeLaw};
 use crate::contact::{
     CondensedContact, Contact, ContactError, ContactOptions, ContactProgress, ContactReport, ContactState,
 };
 use crate::interface::View;
 use crate::newton::Newton;
-
-/// Largest number of pressures and tractions with which the lowering is followed in condensed form, whose matrices are dense.
-pub(super) const CONDENSED: usize = 10_000;
 
 impl<'a, V: View> Contact<V, &'a dyn NodeLaw> {
     /// The condensed form under the load at α.

@@ -5,9 +5,9 @@ use std::fmt;
 
 use super::lowering::{Lowering, LoweringEnd};
 use super::reduced::ReducedNewton;
-use super::solve::CONDENSED;
 use super::tries::{Observer, Tries, timed};
 use crate::clock::Deadline;
+use crate::contact::forms::CONDENSED;
 use crate::contact::error::{check_finite, check_length};
 use crate::contact::law::{LocalValues, NodeLaw};
 use crate::contact::{Contact, ContactError, ContactOptions};

@@ -1,7 +1,9 @@
 use std::fmt;
 
+use crate::continuation::engine::SINGULAR;
 use crate::continuation::{Arm, Certainty, ContinuationError, Point, Termination};
 use crate::sparse::norm;
+use crate::tolerances::RESULT;
 
 /// The solution set of H(y, α) = 0 connected to given starts, as a graph: vertices where arcs of curves meet or end, edges the
 /// arcs between them.
@@ -217,16 +219,14 @@ impl DiagramEdge {
     /// Whether α is constant along it, to rounding: a continuum of solutions at one α.
     #[must_use]
     pub fn is_vertical(&self) -> bool {
-        const FLAT: f64 = 1e-7;
-        const ROUNDING: f64 = 1e-12;
         // Wherever unknowns are large, or α is small, α̇ is small; signs of determinants were decided in the units of the exploration.
         let flat = |p: &Point| match p.det_sign {
             Some(sign) => sign == 0,
-            None => p.tangent.last().is_some_and(|t| t.abs() <= FLAT),
+            None => p.tangent.last().is_some_and(|t| t.abs() <= SINGULAR),
         };
         let (lower, upper) = self.interval();
         let size = self.points.iter().map(|p| norm(&p.x)).fold(0.0, f64::max);
-        self.points.iter().all(flat) && upper - lower <= ROUNDING * size
+        self.points.iter().all(flat) && upper - lower <= RESULT * size
     }
 
     /// Signs of det ∇_yH^(σ) along the edge, equal neighbours merged: one sign unless smooth folds are passed. Empty where the linear

@@ -3,13 +3,10 @@
 use crate::linear::{AutoSolver, Bordered, LinearError, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot, max_abs, norm};
+use crate::tolerances::{CENTRAL, HALF_DIGITS, ROUNDING};
 
-/// |β|, in rounding errors of the terms of wᵀH, up to which β is zero.
-const ROUNDING: f64 = 64.0;
 /// Smallest unit of a variable, relative to the largest.
 const SMALLEST: f64 = 1e-4;
-/// Step of the differences, in units of the variables.
-const DIFFERENCE: f64 = 6e-6;
 
 /// A solution (x, β) of H(x) + β e_k = 0, wᵀ∇H(x) = 0 with w_k = 1.
 pub(in crate::continuation) struct Singular {
@@ -137,7 +134,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         self.residual(&x, &mut r);
         let beta = dot(&self.w, &r);
         self.values = r;
-        let rounding = ROUNDING * f64::EPSILON * self.terms(length) + 4.0 * self.noise(&x);
+        let rounding = ROUNDING * self.terms(length) + 4.0 * self.noise(&x);
         Ok(Some(Singular {
             on_curve: beta.abs() <= rounding,
             x,
@@ -146,11 +143,10 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
 
     /// Orthonormal bases of the kernels of ∇H and ∇Hᵀ at x, where they have the dimensions 2 and 1; else `None`.
     pub(in crate::continuation) fn kernels(&mut self, x: &[f64]) -> Result<Option<Kernels>, PiecewiseError> {
-        const SINGULAR: f64 = 1e-8;
         if !self.choose(x)? || !self.linear(x)? {
             return Ok(None);
         }
-        if (self.kernel.iter()).any(|(v, h)| h.abs() > SINGULAR * max_abs(v)) {
+        if (self.kernel.iter()).any(|(v, h)| h.abs() > HALF_DIGITS * max_abs(v)) {
             return Ok(None);
         }
         let [mut first, mut second] = [0, 1].map(|a| -> Vec<f64> {
@@ -295,7 +291,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
 
     /// d(wᵀ∇H v)/dx with v of the kernel, w fixed, by differences: they only drive Newton's method, the residuals are exact.
     fn differentiate(&mut self, x: &[f64], a: usize) {
-        let h = DIFFERENCE / max_abs(&self.kernel[a].0);
+        let h = CENTRAL / max_abs(&self.kernel[a].0);
         let mut slope = std::mem::take(&mut self.slopes[a]);
         let mut back = vec![0.0; slope.len()];
         for (product, h) in [(&mut slope, h), (&mut back, -h)] {

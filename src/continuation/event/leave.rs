@@ -5,6 +5,7 @@ use crate::continuation::point::units::Units;
 use crate::continuation::{Arm, ContinuationError};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
 use crate::sparse::{dot, norm};
+use crate::tolerances::SELECTIONS;
 
 /// Share of the distance to a corrected point of an arm at which signs of determinants are taken: determinants grow with the distance from a
 /// singular point, so that they are far above rounding there.
@@ -168,7 +169,6 @@ impl Curve<'_> {
 
     /// On a grazing curve the other active selections have their own Jacobians, whose singular points are branch points.
     fn find_coactive(&mut self) -> Result<(), ContinuationError> {
-        const CAP: usize = 256;
         self.coactive.clear();
         if self.grazing.is_empty() {
             return Ok(());
@@ -182,7 +182,7 @@ impl Curve<'_> {
             indices,
             &self.selection,
         );
-        for selection in active.selections().take(CAP) {
+        for selection in active.selections().take(SELECTIONS as usize) {
             if selection == self.selection {
                 continue;
             }

@@ -6,9 +6,8 @@ use crate::continuation::engine::{Curve, State};
 use crate::continuation::{ContinuationError, Termination};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Vanishing};
 use crate::sparse::{distance, dot, norm};
+use crate::tolerances::HALVINGS;
 
-/// Largest number of points computed to locate one event.
-const LIMIT: usize = 60;
 /// Values of test functions up to this fraction of their rounding error count as zero.
 const HIDDEN: f64 = 0.0625;
 /// Distance from the interpolated guess, relative to the step, beyond which a corrected point lies on another curve.
@@ -137,7 +136,7 @@ impl Curve<'_> {
         let slope = drop / (b - a).max(f64::MIN_POSITIVE);
         let mut best: Option<(f64, State)> = None;
         let mut rounding = None;
-        for _ in 0..LIMIT {
+        for _ in 0..HALVINGS {
             let mut s = if gb < ga {
                 a + (b - a) * ga / (ga - gb)
             } else {

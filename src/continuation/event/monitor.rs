@@ -1,7 +1,7 @@
 //! Monitor functions of the user: their zeros along a curve are located and recorded.
 
 use super::locate::side_factor;
-use super::unseen::dip;
+use super::unseen::{DIFFERENCE, dip};
 use super::watch::{Monitor, ROUNDING};
 use crate::continuation::engine::{Curve, Function, State, Watch};
 use crate::continuation::{Continuation, ContinuationError, Event, MonitorCrossing, PointKind, Termination};
@@ -201,7 +201,6 @@ impl<'a> Curve<'a> {
 
     /// A place on a straight step where a monitor that is positive at both ends is not, if its cubic interpolant leads there.
     fn dip_on_segment(&self, k: usize, before: f64, after: f64) -> Option<(f64, f64)> {
-        const DIFFERENCE: f64 = 1.0 / 1024.0;
         let (here, step) = (&self.here, self.next.s);
         if !self.map.is_piecewise_affine() || step <= 0.0 || !(before > 0.0 && after > 0.0) {
             return None;

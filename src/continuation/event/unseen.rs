@@ -1,13 +1,14 @@
 //! What a step may have passed twice, so that both of its ends are on the same side: the least value of a monitor between them decides.
 
-use super::watch::{Monitor, Unresolved, VERTICAL};
+use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::norm;
+use crate::tolerances::TANGENTIAL;
 
 /// Share of the step over which differences are taken.
-const DIFFERENCE: f64 = 1.0 / 1024.0;
+pub(super) const DIFFERENCE: f64 = 1.0 / 1024.0;
 /// Largest number of points computed to find a least value.
 const LIMIT: usize = 40;
 
@@ -113,7 +114,7 @@ impl Curve<'_> {
                 let Some(second) = self.acceleration(state)? else {
                     return Ok(None);
                 };
-                let rate = state.t.last().copied().filter(|rate| rate.abs() > VERTICAL);
+                let rate = state.t.last().copied().filter(|rate| rate.abs() > TANGENTIAL);
                 (sign * rate.unwrap_or(0.0), sign * second)
             }
         };
@@ -146,7 +147,7 @@ impl Curve<'_> {
         let regular = self.here.orientation.is_some() && self.here.orientation == self.next.orientation;
         let last = self.here.x.len() - 1;
         // A fold beyond which the step goes on is located first.
-        let turned = self.next.heading != Some(heading) && self.next.t[last].abs() > VERTICAL;
+        let turned = self.next.heading != Some(heading) && self.next.t[last].abs() > TANGENTIAL;
         if heading == 0 || turned || !regular {
             return Ok(());
         }

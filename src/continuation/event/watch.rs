@@ -40,8 +40,6 @@ pub(in crate::continuation) enum Unresolved {
 const LIMIT: usize = 60;
 /// Distance along the curve, relative to 1 + ‖x‖, by which rounding may move a located point.
 pub(super) const ROUNDING: f64 = 16.0 * f64::EPSILON;
-/// α̇ below this counts as zero: the curve is vertical.
-pub(in crate::continuation) const VERTICAL: f64 = 1e-9;
 
 impl Curve<'_> {
     /// Finds the first event between `here` and `next` and moves `next` there. `Ok(None)`: no event; `next` may be nearer than it was,

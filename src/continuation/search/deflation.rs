@@ -4,6 +4,7 @@ use crate::linear::{AutoSolver, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, select_pieces};
 use crate::sparse::Matrix;
 use crate::sparse::norm;
+use crate::tolerances::RESULT;
 
 /// Largest number of deflated steps.
 const STEPS: usize = 60;
@@ -105,8 +106,7 @@ impl<'a> Steps<'a> {
 
     /// Sign of det ∇_yH^(σ), 0 where singular.
     pub(super) fn det_sign(&mut self, selection: &Selection, x: &[f64]) -> Option<i8> {
-        const SINGULAR: f64 = 1e-12;
-        if !self.factor(selection, x) || self.solver.rcond().is_some_and(|r| r < SINGULAR) {
+        if !self.factor(selection, x) || self.solver.rcond().is_some_and(|r| r < RESULT) {
             return Some(0);
         }
         self.solver.log_det().map(|d| d.0)

@@ -17,9 +17,7 @@ use crate::newton::{Newton, NewtonError, NewtonOptions};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, active_set, check_vector, local_index};
 use crate::sparse::{distance, norm};
 use crate::spread::Random;
-
-/// Active selections up to which the index of a solution is computed.
-const MAX_ACTIVE: u64 = 256;
+use crate::tolerances::SELECTIONS;
 
 /// How a solution was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -461,7 +459,7 @@ impl SolutionSearch<'_> {
         let active = active_set(self.map, &x, reach);
         let index = match active.is_singleton() {
             true => det_sign.filter(|s| *s != 0),
-            false => local_index(self.map, &x, reach, MAX_ACTIVE)
+            false => local_index(self.map, &x, reach, SELECTIONS)
                 .ok()
                 .flatten()
                 .and_then(|index| i8::try_from(index).ok()),

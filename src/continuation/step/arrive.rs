@@ -2,11 +2,12 @@
 
 use crate::continuation::engine::{Curve, State};
 use crate::continuation::event::locate::STRAY;
-use crate::continuation::event::watch::{Monitor, VERTICAL};
+use crate::continuation::event::watch::Monitor;
 use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::{ContinuationError, Event, PointKind, SmoothFold, Termination};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{distance, norm};
+use crate::tolerances::TANGENTIAL;
 
 /// Share of a step by which rounding may put its end before a start that it reaches.
 const SLACK: f64 = 1e-3;
@@ -111,7 +112,7 @@ impl Curve<'_> {
     fn hit_parameter(&mut self, value: f64) -> Result<(), ContinuationError> {
         let m = self.here.x.len();
         let rate = self.here.t[m - 1];
-        if self.map.is_piecewise_affine() && rate.abs() > VERTICAL {
+        if self.map.is_piecewise_affine() && rate.abs() > TANGENTIAL {
             // The curve is straight: along it to the value.
             let rest = (value - self.here.x[m - 1]) / rate;
             for (x, t) in self.here.x.iter_mut().zip(&self.here.t) {

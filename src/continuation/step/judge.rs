@@ -2,6 +2,7 @@
 
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State, generic_probe};
+use crate::continuation::event::locate::STRAY;
 use crate::continuation::event::watch::Monitor;
 use crate::piecewise::PiecewiseError;
 use crate::sparse::{distance, dot, norm};
@@ -159,7 +160,6 @@ impl Curve<'_> {
     /// Whether the curve between `here` and `next` is the interpolant of its ends, tested by one correction halfway. It is not where the
     /// step has jumped to another curve, across a crossing or beside it.
     pub(super) fn holds_halfway(&mut self, shape: &Shape) -> Result<bool, ContinuationError> {
-        const STRAY: f64 = 0.02;
         const TILT: f64 = 0.2;
         let high = self.next.clone();
         let mut middle = high.clone();

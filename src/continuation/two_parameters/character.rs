@@ -7,6 +7,7 @@ use crate::piecewise::{
     PiecewiseError, PiecewiseSmooth, Scaled, Selection, check_selection, check_sizes, check_vector,
 };
 use crate::sparse::{dot, norm};
+use crate::tolerances::{CHECKED, HALF_DIGITS, HALVINGS};
 
 /// A point of a [`TransitionSet`] where folds begin or end along it.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,8 +22,6 @@ pub struct CharacterChange {
     pub folds_before: bool,
 }
 
-/// Halvings by which a zero of a determinant is located.
-const HALVINGS: usize = 60;
 /// Distance in a stretch, relative to its length, over which a determinant's slope is measured; zeros nearer to each other are one.
 const DIFFERENCE: f64 = 1e-5;
 
@@ -115,7 +114,6 @@ fn nodes_of(curve: &Branch) -> Vec<Node<'_>> {
 /// The range of each variable along the curve: the units in which the hyperplanes are normal to it. Variables that change by rounding alone
 /// have the smallest unit.
 fn extents(nodes: &[Node<'_>], sizes: &[f64]) -> Vec<f64> {
-    const LEAST: f64 = 1e-8;
     let range = |j: usize| {
         let values = nodes.iter().map(|n| n.x[j]);
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
@@ -126,7 +124,8 @@ fn extents(nodes: &[Node<'_>], sizes: &[f64]) -> Vec<f64> {
     let farthest = |((low, high), s): (&(f64, f64), &f64)| low.abs().max(high.abs()) / s;
     let largest = ranges.iter().zip(sizes).map(farthest).fold(0.0, f64::max);
     let extent = |((low, high), s): (&(f64, f64), &f64)| {
-        let extent = (high - low).max(LEAST * largest * s);
+        // Never so short that rounding of the points decides.
+        let extent = (high - low).max(HALF_DIGITS * largest * s);
         if extent > 0.0 && extent.is_finite() {
             extent
         } else {
@@ -208,13 +207,12 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
 
     /// The point at s, reached from the first node along tangents, in the longest steps for which the correction converges.
     fn walk(&mut self, s: f64) -> Result<Option<Vec<f64>>, PiecewiseError> {
-        const TRIALS: usize = 60;
         let mut t = self.normal.clone();
         let Some(mut z) = self.corrected(&self.anchor.clone(), 0.0, 0.0, &mut t)? else {
             return Ok(None);
         };
         let (mut reached, mut step) = (0.0, 0.5 * s);
-        for _ in 0..TRIALS {
+        for _ in 0..HALVINGS {
             let next = (reached + step).min(s);
             let mut turned = t.clone();
             match self.corrected(&z, next - reached, next, &mut turned)? {
@@ -306,10 +304,9 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
         first: (i8, f64),
         last: (i8, f64),
     ) -> Result<Option<f64>, PiecewiseError> {
-        const ROUNDING: f64 = 1e-10;
         let step = DIFFERENCE * self.length;
         let [after, before] = [step, self.length - step].map(|s| self.determinant(side, s));
-        let falls = |near: Option<(i8, f64)>, end: f64| near.is_none_or(|n| n.1 < end - ROUNDING);
+        let falls = |near: Option<(i8, f64)>, end: f64| near.is_none_or(|n| n.1 < end - CHECKED);
         if !(falls(after?, first.1) && falls(before?, last.1)) {
             return Ok(None);
         }

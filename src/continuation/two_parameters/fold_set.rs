@@ -6,6 +6,7 @@ use crate::piecewise::{
     select,
 };
 use crate::sparse::{Matrix, Pattern};
+use crate::tolerances::CENTRAL;
 
 /// The smooth folds of a two-parameter family: a curve to [follow](crate::continuation::Continuation) in the last parameter β.
 ///
@@ -63,8 +64,6 @@ pub struct FoldSet<P> {
     pattern: Pattern,
 }
 
-/// Step of the central differences in units of s, relative to the largest of 1 and |x_j| / s_j: about the cube root of the rounding error.
-const STEP: f64 = 6e-6;
 /// Singular value up to which ∇_yH counts as singular at the given fold, with variables in units of s and the largest entry in each row of
 /// ∇H 1.
 const KERNEL: f64 = 1e-5;
@@ -255,7 +254,7 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for FoldSet<P> {
             .iter()
             .zip(&self.sizes)
             .fold(1.0f64, |a, (x, s)| a.max(x.abs() / s));
-        let h = STEP * largest / self.length(v).max(f64::MIN_POSITIVE);
+        let h = CENTRAL * largest / self.length(v).max(f64::MIN_POSITIVE);
         let mut back = part.clone();
         for (jac, h) in [(&mut part, h), (&mut back, -2.0 * h)] {
             own.iter_mut().zip(v).for_each(|(x, v)| *x += h * v);

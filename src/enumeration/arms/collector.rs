@@ -1,6 +1,6 @@
 //! Arms found selection by selection.
 
-use super::{Candidates, DirectionalArm, DirectionalArms, SAME, TANGENTIAL, VERTICAL};
+use super::{Candidates, DirectionalArm, DirectionalArms, SAME};
 use crate::enumeration::kernel::{MAX_KERNEL, solutions};
 use crate::enumeration::local::VanishingTests;
 use crate::enumeration::{Completeness, EnumerationError};
@@ -8,6 +8,7 @@ use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 use crate::sparse::norm;
+use crate::tolerances::TANGENTIAL;
 
 /// Computes and collects the arms of single selections.
 pub(super) struct Collector<'a> {
@@ -80,7 +81,7 @@ impl<'a> Collector<'a> {
         let length = norm(&tangent);
         for factor in [1.0 / length, -1.0 / length] {
             let direction: Vec<f64> = tangent.iter().map(|t| t * factor).collect();
-            let vertical = direction.last().is_some_and(|rate| rate.abs() <= VERTICAL);
+            let vertical = direction.last().is_some_and(|rate| rate.abs() <= TANGENTIAL);
             // The determinant of a selection with a vertical tangent is rounding noise.
             let sign = if vertical { Some(0) } else { sign };
             if self.enters(selection, &direction) {

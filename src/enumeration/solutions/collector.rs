@@ -3,22 +3,17 @@
 use crate::clock::Deadline;
 use crate::enumeration::arms::level_selections;
 use crate::enumeration::kernel::{AffineSet, MAX_KERNEL, solutions};
-use crate::enumeration::lists::{Continuum, Extent, LISTED, NAMED, Solution, SolutionSet};
+use crate::enumeration::lists::{Continuum, Extent, NAMED, Solution, SolutionSet};
 use crate::enumeration::{EnumerationError, EnumerationOptions, system};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set, cell_margin,
 };
 use crate::sparse::{Matrix, dot, max_abs, norm};
-
-/// Reciprocal condition below which the rank is determined by elimination with full pivoting.
-const DOUBTFUL: f64 = 1e-11;
+use crate::tolerances::{DOUBTFUL, ROUNDING, SELECTIONS};
 
 /// Part of the tolerance up to which a violated facet is taken for rounding in the solution.
 const CLEAR: f64 = 1e-2;
-
-/// Rounding error of a test function, relative to the largest of its site.
-const NOISE: f64 = 64.0 * f64::EPSILON;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Rank {
@@ -144,7 +139,7 @@ impl<'a> Collector<'a> {
         let inside = (0..self.layout.num_sites()).all(|site| {
             let tests = &theta[self.layout.range(site)];
             // A test function may vanish identically up to rounding, with its gradient.
-            let rounding = NOISE * max_abs(tests);
+            let rounding = ROUNDING * max_abs(tests);
             self.map.cell(site, selection.piece(site)).iter().all(|facet| {
                 let margin = facet.margin(tests);
                 margin >= -rounding || {
@@ -173,7 +168,7 @@ impl<'a> Collector<'a> {
         let active = self.active(&x);
         let count = active.degenerate_sites().iter().map(|s| s.1.len() as f64);
         let count: f64 = count.product();
-        if count <= LISTED || !active.contains(selection) || !active.outside().is_empty() {
+        if count <= SELECTIONS as f64 || !active.contains(selection) || !active.outside().is_empty() {
             return Ok(None);
         }
         let level = level_selections(self.map, &x, &active, self.options.max_nodes, deadline);
@@ -214,7 +209,7 @@ impl<'a> Collector<'a> {
         let mut gradient = vec![0.0; x.len()];
         let vanishes = |k: &usize| {
             let (site, test) = self.layout.locate(*k);
-            let rounding = NOISE * max_abs(&theta[self.layout.range(site)]);
+            let rounding = ROUNDING * max_abs(&theta[self.layout.range(site)]);
             theta[*k].abs() <= rounding || {
                 self.map.test_gradient(site, test, x, &mut gradient);
                 theta[*k].abs() <= self.options.tolerance * norm(&gradient) * (1.0 + norm(x))

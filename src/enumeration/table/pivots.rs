@@ -1,6 +1,6 @@
 //! Exchanges of a row and a column: which, and how.
 
-use super::{CLEAR, EPS, Place, RADIUS, SAFETY, Sign, Table};
+use super::{CLEAR, Place, RADIUS, SAFETY, Sign, Table};
 
 impl Table {
     pub(super) fn threshold(&self, r: usize) -> f64 {
@@ -76,7 +76,7 @@ impl Table {
         let size = pivot_row[..=self.active]
             .iter()
             .fold(0.0f64, |m, v| m.max(v.abs()));
-        let error = self.error[r] * inverse.abs() + EPS * size;
+        let error = self.error[r] * inverse.abs() + f64::EPSILON * size;
         self.error[r] = error;
         let mut scratch = std::mem::take(&mut self.scratch);
         scratch.clear();
@@ -94,7 +94,7 @@ impl Table {
             for (a, b) in row.iter_mut().zip(&scratch) {
                 *a += m * b;
             }
-            self.error[i] = self.error[i].max(m.abs() * error) + EPS * m.abs() * size;
+            self.error[i] = self.error[i].max(m.abs() * error) + f64::EPSILON * m.abs() * size;
         }
         self.scratch = scratch;
         let (leaving, entering) = (self.rows[r], self.columns[c]);

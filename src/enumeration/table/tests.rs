@@ -6,12 +6,15 @@ fn roots(random: &mut Random, rows: usize, columns: usize) -> [Table; 2] {
     let mut forms: [Vec<Form>; 2] = [Vec::new(), Vec::new()];
     for _ in 0..rows {
         let numbers: Vec<f64> = (0..=columns).map(|_| random.symmetric()).collect();
-        let off: Vec<f64> = numbers.iter().map(|a| a + EPS * random.symmetric()).collect();
+        let off: Vec<f64> = numbers
+            .iter()
+            .map(|a| a + f64::EPSILON * random.symmetric())
+            .collect();
         for (forms, numbers) in forms.iter_mut().zip([numbers, off]) {
             forms.push(Form {
                 constant: numbers[0],
                 coefficients: numbers[1..].to_vec(),
-                error: EPS,
+                error: f64::EPSILON,
             });
         }
     }
@@ -28,7 +31,7 @@ fn columns_are_bounded_by_their_own_sign_and_by_rows() {
     let form = |constant: f64, rate: f64| Form {
         constant,
         coefficients: vec![rate],
-        error: EPS,
+        error: f64::EPSILON,
     };
     // y and 1 − y.
     let forms = [form(0.0, 1.0), form(1.0, -1.0)];
@@ -71,7 +74,7 @@ fn there_is_no_verdict_once_time_is_over() {
     let form = Form {
         constant: -1.0,
         coefficients: vec![0.0],
-        error: EPS,
+        error: f64::EPSILON,
     };
     let mut table = Table::new(1, [form].iter());
     table.constrain(0, Sign::Positive).unwrap();
@@ -86,7 +89,7 @@ fn rows_are_repaired_by_large_coefficients() {
         let forms = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 1e-6, 1.0]].map(|a| Form {
             constant: a[0],
             coefficients: a[1..].to_vec(),
-            error: EPS,
+            error: f64::EPSILON,
         });
         let mut table = Table::new(2, forms.iter());
         (0..2).for_each(|k| table.exchange(k, k));
@@ -152,7 +155,7 @@ fn dictionaries_made_anew_forget_the_way() {
 #[test]
 fn rows_are_bounded_by_what_is_known_of_them() {
     for (a, error, bounded) in [
-        (0.0, EPS, true),
+        (0.0, f64::EPSILON, true),
         (0.0, 1e-3, false),
         (1e-9, 1e-10, true),
         (1e-7, 1e-10, false),
@@ -163,8 +166,8 @@ fn rows_are_bounded_by_what_is_known_of_them() {
             error,
         };
         let forms = [
-            form([1.0, 0.0], EPS),
-            form([0.0, 1.0], EPS),
+            form([1.0, 0.0], f64::EPSILON),
+            form([0.0, 1.0], f64::EPSILON),
             form([-1.0, a], error),
         ];
         let mut table = Table::new(2, forms.iter());

@@ -12,7 +12,7 @@ pub(super) struct Aggregates {
     pub(super) count: usize,
 }
 
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// Gathers nodes with their strong neighbours (P. Vaněk, J. Mandel, M. Brezina, 1996): nodes i, j with
 /// ‖A_ij‖² > θ² ‖A_ii‖ ‖A_jj‖, in Frobenius norms.

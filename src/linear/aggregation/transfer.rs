@@ -1,10 +1,10 @@
 //! Smoothed prolongators and the coarse matrices that they make.
 
-use super::aggregates::Aggregates;
+use super::aggregates::{Aggregates, NONE};
 use super::dense::{add_scaled_product, add_transposed_product, mask_rows};
 use crate::clock::Until;
 use crate::parallel;
-use crate::sparse::{Blocks, Entry, ROWS, Symmetric, add_product, add_transposed, wide};
+use crate::sparse::{Blocks, Entry, MOST_PARTS, ROWS, Symmetric, add_product, add_transposed, wide};
 
 /// Columns of near-kernel vectors on an aggregate that become this much shorter by orthogonalisation against the others do not count.
 const DEPENDENT: f64 = 1e-6;
@@ -57,9 +57,7 @@ struct Row<const R: usize, const K: usize> {
     order: Vec<usize>,
 }
 
-const NONE: u32 = u32::MAX;
 /// Parts into which rows are cut while matrices are made, each with its own buffers: at most this many, of one row at least.
-const MOST_PARTS: usize = 32;
 const LEAST_ROWS: usize = 64;
 
 fn part_size(rows: usize) -> usize {

@@ -3,14 +3,12 @@
 use crate::contact::ContactState;
 use crate::continuation::{SolutionList, TransitionKind};
 use crate::enumeration::Completeness;
+use crate::tolerances::RESULT;
 use crate::words::{Count, Short};
-
-/// What is smaller than this part of the largest number beside it is shown as 0: rounding errors, with a wide margin.
-const ROUNDING: f64 = 1e-12;
 
 /// A number of six digits; 0 for what is a rounding error beside `size`.
 pub(super) fn number(value: f64, size: f64) -> String {
-    match value.abs() <= ROUNDING * size {
+    match value.abs() <= RESULT * size {
         true => "0".to_owned(),
         false => Short(value).to_string(),
     }

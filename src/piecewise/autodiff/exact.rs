@@ -1,11 +1,12 @@
 //! Exact coefficients of traced maps, in abs-normal form.
 
-use super::{Kind, Kinks, MAX_COEFFICIENTS, Mode, NonsmoothFunction, Traced};
+use super::{Kind, Kinks, Mode, NonsmoothFunction, Traced};
 use crate::piecewise::abs_normal::{AbsNormal, Added, Terms, abs_normal};
 use crate::piecewise::{
     Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, PiecewiseSmooth,
 };
 use crate::sparse::Matrix;
+use crate::tolerances::MAX_COEFFICIENTS;
 
 impl<F: NonsmoothFunction> Traced<F> {
     /// The abs-normal form, at any parameter or at one.

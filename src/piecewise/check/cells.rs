@@ -4,6 +4,7 @@ use super::FindingKind;
 use super::session::{Place, Session};
 use crate::piecewise::{ActiveSet, Selection, cell_margin};
 use crate::sparse::Matrix;
+use crate::tolerances::RESULT;
 
 /// Each sample is joined to this many samples after it in the search for boundaries.
 const NEIGHBOURS: usize = 6;
@@ -151,10 +152,9 @@ impl Session<'_> {
 
     /// Rows outside `site_rows` must not depend on the piece of the site; the others must agree with those of the whole Jacobian.
     pub(super) fn site_rows(&mut self, point: usize, here: &Selection) {
-        const TOLERANCE: f64 = 1e-12;
         let (map, x) = (self.map, &self.samples[point]);
         let n = map.num_residuals();
-        let differs = |a: f64, b: f64| (a - b).abs() > TOLERANCE * a.abs().max(b.abs());
+        let differs = |a: f64, b: f64| (a - b).abs() > RESULT * a.abs().max(b.abs());
         let base = self.residual(here, x);
         let mut rows = Vec::new();
         let mut jac = Matrix::zeros(map.pattern());

@@ -1,9 +1,10 @@
 //! Derivatives against difference quotients.
 
 use super::FindingKind;
-use super::session::{Place, STEP, Session};
+use super::session::{Place, Session};
 use crate::piecewise::Selection;
 use crate::sparse::Matrix;
+use crate::tolerances::CENTRAL;
 
 /// Difference quotients of a vector function with a bound of their error, column by column.
 pub(super) struct Quotients {
@@ -139,7 +140,7 @@ impl Session<'_> {
         let quotients = self.quotients(total, x, |y| self.theta(y));
         // A direction without symmetries, in the units of the variables.
         let d: Vec<f64> = (0..x.len())
-            .map(|j| self.steps[j] / STEP * (1.0 + 0.37 * j as f64).cos())
+            .map(|j| self.steps[j] / CENTRAL * (1.0 + 0.37 * j as f64).cos())
             .collect();
         let mut rates = vec![0.0; total];
         map.test_derivatives(x, &d, &mut rates);

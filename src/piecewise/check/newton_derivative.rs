@@ -1,12 +1,13 @@
 //! Newton derivatives of semismooth maps against their values.
 
 use super::derivatives::Quotients;
-use super::session::{STEP, steps};
+use super::session::steps;
 use super::{CheckError, CheckOptions, Finding, FindingKind, SemismoothReport};
 use crate::piecewise::error::check_vector;
 use crate::piecewise::{PiecewiseError, Semismooth};
 use crate::sparse::Matrix;
 use crate::spread::Random;
+use crate::tolerances::CENTRAL;
 
 /// Directions tried at a sample.
 const DIRECTIONS: usize = 8;
@@ -139,7 +140,12 @@ impl Check<'_> {
         }
         let mut random = Random::new(2 * point as u64 + 1);
         let directions: Vec<Vec<f64>> = (0..DIRECTIONS)
-            .map(|_| self.steps.iter().map(|s| s / STEP * random.symmetric()).collect())
+            .map(|_| {
+                self.steps
+                    .iter()
+                    .map(|s| s / CENTRAL * random.symmetric())
+                    .collect()
+            })
             .collect();
         for d in &directions {
             let largest = (-f64::from(*HALVINGS.start())).exp2();

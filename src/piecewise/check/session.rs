@@ -1,15 +1,13 @@
 use super::{CheckOptions, CheckReport, Finding, FindingKind};
 use crate::piecewise::{PiecewiseSmooth, Selection, Selections, TestLayout};
-
-/// Step of difference quotients in a variable of size one.
-pub(super) const STEP: f64 = 6.055e-6;
+use crate::tolerances::CENTRAL;
 
 /// Steps of difference quotients. The size of a variable is that of its samples, so that steps suit its units.
 pub(super) fn steps(samples: &[Vec<f64>], vars: usize) -> Vec<f64> {
     (0..vars)
         .map(|j| {
             let size = samples.iter().fold(0.0, |s: f64, x| s.max(x[j].abs()));
-            STEP * if size > 0.0 { size } else { 1.0 }
+            CENTRAL * if size > 0.0 { size } else { 1.0 }
         })
         .collect()
 }

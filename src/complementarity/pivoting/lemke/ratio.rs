@@ -2,13 +2,10 @@
 
 use super::{Lemke, Var};
 use crate::complementarity::Lcp;
+use crate::tolerances::DOUBTFUL;
 
-/// Entries of the entering column below this part of its largest are no pivots.
-const PIVOT: f64 = 1e-11;
 /// Ratios closer than this, relative to their size, are ties; the lexicographic rule decides among them.
 const TIE: f64 = 1e-13;
-/// Relative difference below which entries of the inverse count as equal in the lexicographic rule.
-const SAME: f64 = 1e-11;
 
 /// What bounds the move of the entering variable.
 pub(super) enum Block {
@@ -21,7 +18,7 @@ impl Lemke {
     /// How far `entering` can move, and what stops it.
     pub(super) fn ratio_test(&mut self, lcp: &Lcp, entering: Var, direction: f64) -> Block {
         let largest = self.entering.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let smallest_pivot = PIVOT * largest;
+        let smallest_pivot = DOUBTFUL * largest;
         let mut least = f64::INFINITY;
         for k in 0..self.basic.len() {
             let rate = -direction * self.entering[k];
@@ -96,7 +93,7 @@ impl Lemke {
         {
             let (a, b) = (a / k_rate, b / p_rate);
             let difference = sign * (a - b);
-            if difference.abs() > SAME * a.abs().max(b.abs()) {
+            if difference.abs() > DOUBTFUL * a.abs().max(b.abs()) {
                 return difference < 0.0;
             }
         }

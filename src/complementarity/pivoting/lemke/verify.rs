@@ -7,13 +7,7 @@ use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
 use crate::run::Status;
 use crate::sparse::{Matrix, Pattern};
-
-/// Relative error of the basic variables above which the inverse is recomputed.
-const DECAY: f64 = 1e-9;
-/// Relative rounding allowed in a certificate.
-const ROUNDING: f64 = 1e-10;
-/// Error of a component of a solution relative to the terms of its row.
-const TOLERANCE: f64 = 1e-10;
+use crate::tolerances::{CHECKED, SAME};
 
 impl Lemke {
     /// The basis as a full matrix, and its inverse.
@@ -68,7 +62,7 @@ impl Lemke {
 
     /// Whether the basic variables satisfy their equations, with a new inverse if need be.
     pub(super) fn verify(&mut self, lcp: &Lcp) -> Result<bool, ComplementarityError> {
-        if self.decay(lcp) <= DECAY {
+        if self.decay(lcp) <= SAME {
             return Ok(true);
         }
         match self.refactor(lcp) {
@@ -80,7 +74,7 @@ impl Lemke {
             result => result?,
         }
         self.values(lcp);
-        Ok(self.decay(lcp) <= DECAY)
+        Ok(self.decay(lcp) <= SAME)
     }
 
     /// t has left the basis: refines the basic variables. The resulting point is checked later, within its bounds.
@@ -102,7 +96,7 @@ impl Lemke {
     /// Whether z, with w = M z + q in `work`, is a solution.
     pub(super) fn is_solution(&mut self, lcp: &Lcp, z: &[f64]) -> bool {
         let point = point(lcp.into(), z, &self.work);
-        self.judge.verdict(&point, TOLERANCE).is_solved(TOLERANCE)
+        self.judge.verdict(&point, CHECKED).is_solved(CHECKED)
     }
 
     /// Whether z without its rounding is a solution; otherwise z and `work` stay as they are.
@@ -147,7 +141,7 @@ impl Lemke {
             self.ray[i] = direction;
         }
         let size = |ray: &[f64]| ray.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let rounding = ROUNDING * size(&self.ray);
+        let rounding = CHECKED * size(&self.ray);
         for (v, unit) in self.ray.iter_mut().zip(&self.columns) {
             *v = if v.abs() <= rounding { 0.0 } else { *v * unit };
         }
@@ -175,7 +169,7 @@ impl Lemke {
         }
         // (Mᵀv)ⱼ ≤ 0 relative to its own terms: rows in small units count as much as others.
         let pattern = lcp.matrix().pattern();
-        let nearly = gain < -ROUNDING * size
+        let nearly = gain < -CHECKED * size
             && (0..lcp.len()).all(|j| {
                 let span = pattern.col_ptr()[j]..pattern.col_ptr()[j + 1];
                 let terms = pattern.row_idx()[span.clone()]
@@ -183,7 +177,7 @@ impl Lemke {
                     .zip(&lcp.matrix().values()[span]);
                 let (sum, terms) =
                     terms.fold((0.0, 0.0), |(s, t), (&i, a)| (s + a * v[i], t + (a * v[i]).abs()));
-                sum <= ROUNDING * terms
+                sum <= CHECKED * terms
             });
         let conditions = Conditions {
             matrix: lcp.matrix(),

@@ -3,9 +3,10 @@
 use crate::complementarity::Mcp;
 use crate::complementarity::solver::McpStep;
 use crate::complementarity::solver::engine::Engine;
-use crate::complementarity::solver::plan::{ARMIJO, Plan, spread};
+use crate::complementarity::solver::plan::{Plan, spread};
 use crate::run::Status;
 use crate::sparse::Matrix;
+use crate::tolerances::ARMIJO;
 
 /// Linearised problems. `corpus::more_problems_of_the_literature_from_far_starts`.
 struct Weights {

@@ -3,12 +3,12 @@
 use crate::complementarity::solver::engine::Engine;
 use crate::continuation::{ContinuationOptions, pursue};
 use crate::piecewise::PiecewiseSmooth;
+use crate::tolerances::SELECTIONS;
 
 /// Most branchings on a path.
 const BRANCHINGS: usize = 7;
 /// Limits of a search for arms. Where a start far out lies, up to rounding, on many kinks, longer searches take seconds and find none.
 const ARM_NODES: u64 = 1000;
-const ARM_SELECTIONS: u64 = 256;
 const LOCAL_STARTS: usize = 8;
 
 /// The last point of a path.
@@ -28,7 +28,7 @@ impl Engine<'_> {
             .with_max_points(self.options.max_path_points)
             .with_max_step(10.0 * (1.0 + size))
             .with_max_nodes(self.options.max_nodes.min(ARM_NODES))
-            .with_max_selections(ARM_SELECTIONS)
+            .with_max_selections(SELECTIONS)
             .with_local_starts(LOCAL_STARTS)
             .with_max_growth(1e8)
             .with_max_time(left)

@@ -8,12 +8,12 @@ use crate::complementarity::solver::engine::Engine;
 use crate::enumeration::refutation;
 use crate::run::Status;
 use crate::sparse::max_abs;
+use crate::tolerances::GIGABYTE;
 
 /// Nodes of the short search for each component, and numbers that all of its tables may hold: each node
 /// writes one with three rows for a component. `infeasible::stocks_that_run_out_are_refuted_at_once` holds
 /// their order.
 const NODES: usize = 10;
-const NUMBERS: usize = 1 << 27;
 
 impl Engine<'_> {
     /// Decides affine problems of a size at which paths are followed, but above that at which all active sets
@@ -31,7 +31,7 @@ impl Engine<'_> {
             return self.exhausted();
         }
         self.restart_at_start();
-        let nodes = (NODES * n).min(NUMBERS / (3 * n * n));
+        let nodes = (NODES * n).min(GIGABYTE / (3 * n * n));
         self.attempt(McpStrategy::Enumeration, |e| {
             e.enumerate(e.options.max_nodes.min(nodes as u64))
         })

@@ -4,9 +4,10 @@
 use crate::complementarity::fischer::Gap;
 use crate::complementarity::solver::McpStep;
 use crate::complementarity::solver::engine::Engine;
-use crate::complementarity::solver::plan::{ARMIJO, Plan};
+use crate::complementarity::solver::plan::Plan;
 use crate::run::Status;
 use crate::sparse::{max_abs, norm};
+use crate::tolerances::ARMIJO;
 
 /// Smoothing. `strategies::each_strategy_solves_a_monotone_problem_alone`.
 struct Weights {

@@ -1,0 +1,58 @@
+//! The ledger of numbers that mean the same in several modules: value, unit, where it comes from, the test that fixes it. Numbers of one
+//! module are in a file of this name in its folder.
+
+/// Rounding of a sum, as a part of the moduli of its terms, as long as these are few; with many it is of random signs: eight units in the
+/// last place (`judge::rows`).
+pub(crate) const SUM: f64 = 8.0 * f64::EPSILON;
+
+/// The same for a sum of some dozens of terms, the residual of a row as a rule: below this part of its terms it is rounding
+/// (`contradictory_equations_are_never_solved` of tests/mcp).
+pub(crate) const ROUNDING: f64 = 8.0 * SUM;
+
+/// The same for results: numbers whose terms are results of other sums, of factorisations or of corrections.
+pub(crate) const RESULT: f64 = 1e-12;
+
+/// Reciprocal condition of an equilibrated matrix, and part of its terms of a minor, below which rounding may decide whether it is singular:
+/// smooth folds are located no better.
+pub(crate) const DOUBTFUL: f64 = 1e-11;
+
+/// Relative error of a result up to which it may be used: six digits are left to bad conditions. What is off by more is refused, refined or
+/// computed again, and an eigenvalue or pivot that is smaller has no sign.
+pub(crate) const CHECKED: f64 = 1e-10;
+
+/// Relative difference up to which two results are one, whichever way they were computed.
+pub(crate) const SAME: f64 = 1e-9;
+
+/// The square root of rounding: half of the digits. Numbers whose squares decide are known no better.
+pub(crate) const HALF_DIGITS: f64 = 1e-8;
+
+/// Rate of a test function along a unit direction, relative to its gradient, below which the direction runs along its zero set; the
+/// same for α, along which curves are then vertical.
+pub(crate) const TANGENTIAL: f64 = 1e-9;
+
+/// Step of central differences in a variable of size one: the cube root of the rounding unit balances truncation and rounding.
+pub(crate) const CENTRAL: f64 = 6.055e-6;
+
+/// Part of the decrease that the slope promises by which a step has to lower its merit (L. Armijo 1966): any small number will do.
+pub(crate) const ARMIJO: f64 = 1e-4;
+
+/// Rows up to which all singular values and eigenvalues are computed: both are dense, and take about a second here.
+pub(crate) const DENSE: usize = 500;
+
+/// Exact coefficients that a map is asked for, or states, at most: 16 MB of numbers before they grow.
+pub(crate) const MAX_COEFFICIENTS: usize = 1 << 21;
+
+/// Selections at one point up to which each of them is examined: eight sites with two pieces.
+pub(crate) const SELECTIONS: u64 = 256;
+
+/// Halvings of an interval after which its ends are neighbouring numbers, and other steps that bracket.
+pub(crate) const HALVINGS: usize = 60;
+
+/// Numbers that fill a gigabyte: tables and lists of searches are refused, or end, in multiples of it (`src/guide/limits.md`).
+pub(crate) const GIGABYTE: usize = 1 << 27;
+
+/// Columns, or right-hand sides, computed at a time where all of them together might not fit into memory.
+pub(crate) const COLUMNS: usize = 64;
+
+/// No index.
+pub(crate) const NONE: usize = usize::MAX;
