@@ -15,7 +15,7 @@ use crate::piecewise::{
 };
 use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
-use crate::tolerances::{ROUNDING, SAME, TANGENTIAL};
+use crate::tolerances::{CHECKED, ROUNDING, SAME};
 
 /// The direction in which to leave the start.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,11 +120,11 @@ fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, Co
     let rate = |a: &Arm| a.tangent.last().copied().unwrap_or(0.0);
     let (found, wanted) = match direction {
         Direction::Increasing => (
-            arms.list.iter().find(|a| rate(a) > TANGENTIAL),
+            arms.list.iter().find(|a| rate(a) > CHECKED),
             "increasing parameter",
         ),
         Direction::Decreasing => (
-            arms.list.iter().find(|a| rate(a) < -TANGENTIAL),
+            arms.list.iter().find(|a| rate(a) < -CHECKED),
             "decreasing parameter",
         ),
         Direction::Along(v) => {
