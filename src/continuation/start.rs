@@ -15,7 +15,7 @@ use crate::piecewise::{
 };
 use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
-use crate::tolerances::{CHECKED, ROUNDING, SAME};
+use crate::tolerances::{CHECKED, HALF_DIGITS, RESULT, ROUNDING, SAME};
 
 /// The direction in which to leave the start.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +36,7 @@ fn inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<Vec<f64>, Continuatio
     if let Some(alpha) = inside.last_mut() {
         let value = *alpha;
         *alpha = value.max(lower).min(upper);
-        if (value - *alpha).abs() > SAME * (1.0 + value.abs()) {
+        if (value - *alpha).abs() > CHECKED * (1.0 + value.abs()) {
             return Err(ContinuationError::Option {
                 name: "start",
                 value,
@@ -52,7 +52,7 @@ fn rows_vanish(jac: &Matrix, x: &[f64], r: &[f64]) -> bool {
     let mut terms = vec![0.0; r.len()];
     let length = norm(x);
     for (i, j, v) in jac.triplets() {
-        terms[i] += v.abs() * (SAME * x[j].abs()).max(ROUNDING * length);
+        terms[i] += v.abs() * (SAME * x[j].abs()).max(RESULT * length);
     }
     r.iter().zip(terms).all(|(r, terms)| r.abs() <= terms)
 }
@@ -74,8 +74,8 @@ fn is_branch_point(
         sums[i].1 += far.abs();
         sums[i].2 += near.abs().max(far.abs()) * away[j].abs().max(step);
     }
-    let singular = sums.iter().any(|s| s.0 <= SAME * s.1);
-    singular && r.iter().zip(&sums).all(|(r, s)| r.abs() <= ROUNDING * s.2)
+    let singular = sums.iter().any(|s| s.0 <= HALF_DIGITS * s.1);
+    singular && r.iter().zip(&sums).all(|(r, s)| r.abs() <= 0.1 * RESULT * s.2)
 }
 
 /// Solves at fixed α unless x is a solution already.
