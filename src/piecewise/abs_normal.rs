@@ -3,10 +3,11 @@
 //! evaluating the formula over such affine forms, in exact arithmetic.
 
 use std::cell::RefCell;
-use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
+use std::ops::Neg;
 
-use num_traits::{Num, One, Signed, Zero};
+use num_traits::Signed;
 
+use super::number::{functions, number, operators};
 use super::{ExactForm, Real};
 use crate::exact::Exact;
 
@@ -306,68 +307,19 @@ impl From<f64> for Affine<'_> {
     }
 }
 
-macro_rules! operator {
-    ($trait:ident, $method:ident, $assign:ident, $assign_method:ident, $apply:expr) => {
-        impl<'t> $trait for Affine<'t> {
-            type Output = Self;
-            fn $method(self, other: Self) -> Self {
-                let apply: fn(Self, Self) -> Self = $apply;
-                apply(self, other)
-            }
-        }
-        impl $trait<f64> for Affine<'_> {
-            type Output = Self;
-            fn $method(self, other: f64) -> Self {
-                $trait::$method(self, Self::Number(other))
-            }
-        }
-        impl $assign for Affine<'_> {
-            fn $assign_method(&mut self, other: Self) {
-                *self = $trait::$method(*self, other);
-            }
-        }
-        impl $assign<f64> for Affine<'_> {
-            fn $assign_method(&mut self, other: f64) {
-                *self = $trait::$method(*self, other);
-            }
-        }
-    };
-}
-
-operator!(Add, add, AddAssign, add_assign, |a, b| a.plus(1.0, b));
-operator!(Sub, sub, SubAssign, sub_assign, |a, b| a.plus(-1.0, b));
-operator!(Mul, mul, MulAssign, mul_assign, |a, b| a.times(b));
-operator!(Div, div, DivAssign, div_assign, |a, b| a.over(b));
-operator!(Rem, rem, RemAssign, rem_assign, |a, b| {
-    a.inexact(b, a.number() % b.number())
+operators!(['t] Affine<'t> {
+    Add add |a, b| a.plus(1.0, b);
+    Sub sub |a, b| a.plus(-1.0, b);
+    Mul mul |a, b| a.times(b);
+    Div div |a, b| a.over(b);
+    Rem rem |a, b| a.inexact(b, a.number() % b.number());
 });
+number!(['t] Affine<'t>);
 
 impl Neg for Affine<'_> {
     type Output = Self;
     fn neg(self) -> Self {
         self * -1.0
-    }
-}
-
-impl Zero for Affine<'_> {
-    fn zero() -> Self {
-        0.0.into()
-    }
-    fn is_zero(&self) -> bool {
-        self.value() == 0.0
-    }
-}
-
-impl One for Affine<'_> {
-    fn one() -> Self {
-        1.0.into()
-    }
-}
-
-impl Num for Affine<'_> {
-    type FromStrRadixErr = <f64 as Num>::FromStrRadixErr;
-    fn from_str_radix(text: &str, radix: u32) -> Result<Self, Self::FromStrRadixErr> {
-        f64::from_str_radix(text, radix).map(Self::from)
     }
 }
 
@@ -399,18 +351,8 @@ impl Signed for Affine<'_> {
     }
 }
 
-macro_rules! curved {
-    ($($function:ident),*) => {
-        $(fn $function(self) -> Self {
-            self.curved(f64::$function)
-        })*
-    };
-}
-
 impl Real for Affine<'_> {
-    curved!(
-        sqrt, exp, ln, sin, cos, tan, atan, sinh, cosh, tanh, asin, acos, ln_1p, exp_m1, cbrt
-    );
+    functions!(curved);
 
     fn atan2(self, other: Self) -> Self {
         self.inexact(other, self.number().atan2(other.number()))

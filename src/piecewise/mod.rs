@@ -29,6 +29,8 @@ mod layout;
 mod map;
 mod matrix_free;
 mod min_map;
+#[cfg(feature = "autodiff")]
+mod number;
 mod orientation;
 mod real;
 mod regularity;

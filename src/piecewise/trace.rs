@@ -1,10 +1,11 @@
 //! Which variables a formula depends on, found by evaluating it over sets of labels instead of derivatives.
 
-use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
+use std::ops::Neg;
 
-use num_traits::{Num, One, Signed, Zero};
+use num_traits::Signed;
 
 use super::Real;
+use super::number::{functions, number, operators};
 use crate::sparse::Pattern;
 
 /// Labels that one evaluation distinguishes.
@@ -52,6 +53,14 @@ impl Dependence {
         Self { value, labels }
     }
 
+    /// A value with the labels of both.
+    fn with(self, other: Self, value: f64) -> Self {
+        Self {
+            value,
+            labels: join(self.labels, other.labels),
+        }
+    }
+
     /// The same labels with another value.
     fn map(self, f: impl FnOnce(f64) -> f64) -> Self {
         Self {
@@ -73,68 +82,19 @@ impl From<f64> for Dependence {
     }
 }
 
-macro_rules! operator {
-    ($trait:ident, $method:ident, $assign:ident, $assign_method:ident, $op:tt) => {
-        impl $trait for Dependence {
-            type Output = Self;
-            fn $method(self, other: Self) -> Self {
-                Self {
-                    value: self.value $op other.value,
-                    labels: join(self.labels, other.labels),
-                }
-            }
-        }
-        impl $trait<f64> for Dependence {
-            type Output = Self;
-            fn $method(self, other: f64) -> Self {
-                self.map(|v| v $op other)
-            }
-        }
-        impl $assign for Dependence {
-            fn $assign_method(&mut self, other: Self) {
-                *self = *self $op other;
-            }
-        }
-        impl $assign<f64> for Dependence {
-            fn $assign_method(&mut self, other: f64) {
-                *self = *self $op other;
-            }
-        }
-    };
-}
-
-operator!(Add, add, AddAssign, add_assign, +);
-operator!(Sub, sub, SubAssign, sub_assign, -);
-operator!(Mul, mul, MulAssign, mul_assign, *);
-operator!(Div, div, DivAssign, div_assign, /);
-operator!(Rem, rem, RemAssign, rem_assign, %);
+operators!([] Dependence {
+    Add add |a, b| a.with(b, a.value + b.value);
+    Sub sub |a, b| a.with(b, a.value - b.value);
+    Mul mul |a, b| a.with(b, a.value * b.value);
+    Div div |a, b| a.with(b, a.value / b.value);
+    Rem rem |a, b| a.with(b, a.value % b.value);
+});
+number!([] Dependence);
 
 impl Neg for Dependence {
     type Output = Self;
     fn neg(self) -> Self {
         self.map(|v| -v)
-    }
-}
-
-impl Zero for Dependence {
-    fn zero() -> Self {
-        0.0.into()
-    }
-    fn is_zero(&self) -> bool {
-        self.value == 0.0
-    }
-}
-
-impl One for Dependence {
-    fn one() -> Self {
-        1.0.into()
-    }
-}
-
-impl Num for Dependence {
-    type FromStrRadixErr = <f64 as Num>::FromStrRadixErr;
-    fn from_str_radix(text: &str, radix: u32) -> Result<Self, Self::FromStrRadixErr> {
-        f64::from_str_radix(text, radix).map(Self::from)
     }
 }
 
@@ -160,56 +120,10 @@ impl Real for Dependence {
     fn value(&self) -> f64 {
         self.value
     }
-    fn sqrt(self) -> Self {
-        self.map(f64::sqrt)
-    }
-    fn exp(self) -> Self {
-        self.map(f64::exp)
-    }
-    fn ln(self) -> Self {
-        self.map(f64::ln)
-    }
-    fn sin(self) -> Self {
-        self.map(f64::sin)
-    }
-    fn cos(self) -> Self {
-        self.map(f64::cos)
-    }
-    fn tan(self) -> Self {
-        self.map(f64::tan)
-    }
-    fn atan(self) -> Self {
-        self.map(f64::atan)
-    }
-    fn sinh(self) -> Self {
-        self.map(f64::sinh)
-    }
-    fn cosh(self) -> Self {
-        self.map(f64::cosh)
-    }
-    fn tanh(self) -> Self {
-        self.map(f64::tanh)
-    }
-    fn asin(self) -> Self {
-        self.map(f64::asin)
-    }
-    fn acos(self) -> Self {
-        self.map(f64::acos)
-    }
-    fn ln_1p(self) -> Self {
-        self.map(f64::ln_1p)
-    }
-    fn exp_m1(self) -> Self {
-        self.map(f64::exp_m1)
-    }
-    fn cbrt(self) -> Self {
-        self.map(f64::cbrt)
-    }
+    functions!(map);
+
     fn atan2(self, other: Self) -> Self {
-        Self {
-            value: self.value.atan2(other.value),
-            labels: join(self.labels, other.labels),
-        }
+        self.with(other, self.value.atan2(other.value))
     }
     fn powi(self, n: i32) -> Self {
         self.map(|v| v.powi(n))

@@ -1,11 +1,12 @@
 //! Whether a formula is affine apart from its kinks, found by evaluating it over degrees instead of numbers.
 
 use std::cell::Cell;
-use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
+use std::ops::Neg;
 
-use num_traits::{Num, One, Signed, Zero};
+use num_traits::Signed;
 
 use crate::piecewise::Real;
+use crate::piecewise::number::{functions, number, operators};
 
 /// How a number depends on the variables of a formula.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -115,41 +116,14 @@ impl From<f64> for Graded<'_> {
     }
 }
 
-macro_rules! operator {
-    ($trait:ident, $method:ident, $assign:ident, $assign_method:ident, $apply:expr) => {
-        impl<'t> $trait for Graded<'t> {
-            type Output = Self;
-            fn $method(self, other: Self) -> Self {
-                let apply: fn(Self, Self) -> Self = $apply;
-                apply(self, other)
-            }
-        }
-        impl $trait<f64> for Graded<'_> {
-            type Output = Self;
-            fn $method(self, other: f64) -> Self {
-                $trait::$method(self, Self::from(other))
-            }
-        }
-        impl $assign for Graded<'_> {
-            fn $assign_method(&mut self, other: Self) {
-                *self = $trait::$method(*self, other);
-            }
-        }
-        impl $assign<f64> for Graded<'_> {
-            fn $assign_method(&mut self, other: f64) {
-                *self = $trait::$method(*self, other);
-            }
-        }
-    };
-}
-
-operator!(Add, add, AddAssign, add_assign, |a, b| a.sum(b, f64::add));
-operator!(Sub, sub, SubAssign, sub_assign, |a, b| a.sum(b, f64::sub));
-operator!(Mul, mul, MulAssign, mul_assign, |a, b| a.times(b));
-operator!(Div, div, DivAssign, div_assign, |a, b| a.over(b));
-operator!(Rem, rem, RemAssign, rem_assign, |a, b| {
-    a.with(b, a.value % b.value, |_, _| Degree::Curved)
+operators!(['t] Graded<'t> {
+    Add add |a, b| a.sum(b, std::ops::Add::add);
+    Sub sub |a, b| a.sum(b, std::ops::Sub::sub);
+    Mul mul |a, b| a.times(b);
+    Div div |a, b| a.over(b);
+    Rem rem |a, b| a.with(b, a.value % b.value, |_, _| Degree::Curved);
 });
+number!(['t] Graded<'t>);
 
 impl Neg for Graded<'_> {
     type Output = Self;
@@ -158,28 +132,6 @@ impl Neg for Graded<'_> {
             value: -self.value,
             ..self
         }
-    }
-}
-
-impl Zero for Graded<'_> {
-    fn zero() -> Self {
-        0.0.into()
-    }
-    fn is_zero(&self) -> bool {
-        self.value() == 0.0
-    }
-}
-
-impl One for Graded<'_> {
-    fn one() -> Self {
-        1.0.into()
-    }
-}
-
-impl Num for Graded<'_> {
-    type FromStrRadixErr = <f64 as Num>::FromStrRadixErr;
-    fn from_str_radix(text: &str, radix: u32) -> Result<Self, Self::FromStrRadixErr> {
-        f64::from_str_radix(text, radix).map(Self::from)
     }
 }
 
@@ -201,18 +153,8 @@ impl Signed for Graded<'_> {
     }
 }
 
-macro_rules! curved {
-    ($($function:ident),*) => {
-        $(fn $function(self) -> Self {
-            self.curved(f64::$function)
-        })*
-    };
-}
-
 impl Real for Graded<'_> {
-    curved!(
-        sqrt, exp, ln, sin, cos, tan, atan, sinh, cosh, tanh, asin, acos, ln_1p, exp_m1, cbrt
-    );
+    functions!(curved);
 
     fn atan2(self, other: Self) -> Self {
         self.with(other, self.value.atan2(other.value), |_, _| Degree::Curved)

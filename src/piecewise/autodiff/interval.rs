@@ -7,12 +7,13 @@
 
 use std::cell::Cell;
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
+use std::ops::{Add, Div, Mul, Neg, Rem, Sub};
 
-use num_traits::{Num, One, Signed, Zero};
+use num_traits::Signed;
 
 use super::series::Coefficient;
 use crate::piecewise::Real;
+use crate::piecewise::number::number;
 
 /// Units in the last place by which exp, ln and the like are widened: the C libraries and Rust's own port of
 /// them document errors of at most 2 for these functions; twice as many leaves a margin.
@@ -305,34 +306,18 @@ impl Rem for Interval {
     }
 }
 
-macro_rules! operators {
-    ($($trait:ident, $method:ident, $assign:ident, $assign_method:ident;)*) => {$(
+macro_rules! with_numbers {
+    ($($trait:ident $method:ident)*) => {$(
         impl $trait<f64> for Interval {
             type Output = Self;
             fn $method(self, other: f64) -> Self {
                 self.$method(Self::from(other))
             }
         }
-        impl $assign for Interval {
-            fn $assign_method(&mut self, other: Self) {
-                *self = (*self).$method(other);
-            }
-        }
-        impl $assign<f64> for Interval {
-            fn $assign_method(&mut self, other: f64) {
-                *self = (*self).$method(other);
-            }
-        }
     )*};
 }
-
-operators! {
-    Add, add, AddAssign, add_assign;
-    Sub, sub, SubAssign, sub_assign;
-    Mul, mul, MulAssign, mul_assign;
-    Div, div, DivAssign, div_assign;
-    Rem, rem, RemAssign, rem_assign;
-}
+with_numbers!(Add add Sub sub Mul mul Div div Rem rem);
+number!([] Interval);
 
 impl PartialEq for Interval {
     fn eq(&self, other: &Self) -> bool {
@@ -341,28 +326,6 @@ impl PartialEq for Interval {
             branch();
         }
         self.is_point() && other.is_point() && !apart
-    }
-}
-
-impl Zero for Interval {
-    fn zero() -> Self {
-        Self::from(0.0)
-    }
-    fn is_zero(&self) -> bool {
-        *self == Self::from(0.0)
-    }
-}
-
-impl One for Interval {
-    fn one() -> Self {
-        Self::from(1.0)
-    }
-}
-
-impl Num for Interval {
-    type FromStrRadixErr = <f64 as Num>::FromStrRadixErr;
-    fn from_str_radix(text: &str, radix: u32) -> Result<Self, Self::FromStrRadixErr> {
-        f64::from_str_radix(text, radix).map(Self::from)
     }
 }
 

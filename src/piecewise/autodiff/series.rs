@@ -3,11 +3,12 @@
 //! 13.2. Powers are composed from the binomial series of their base point instead, as the recurrence divides
 //! by it and powers of 0 are wanted, too.
 
-use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
+use std::ops::{Add, Div, Mul, Neg, Rem, Sub};
 
-use num_traits::{Num, One, Signed, Zero};
+use num_traits::Signed;
 
 use crate::piecewise::Real;
+use crate::piecewise::number::number;
 
 /// What the coefficients of a series are: numbers, or enclosures of them.
 pub(crate) trait Coefficient: Real {
@@ -117,28 +118,7 @@ impl<S: Coefficient, const K: usize> Series<S, K> {
     }
 }
 
-macro_rules! operators {
-    ($($trait:ident, $method:ident, $assign:ident, $assign_method:ident;)*) => {$(
-        impl<S: Coefficient, const K: usize> $assign for Series<S, K> {
-            fn $assign_method(&mut self, other: Self) {
-                *self = (*self).$method(other);
-            }
-        }
-        impl<S: Coefficient, const K: usize> $assign<f64> for Series<S, K> {
-            fn $assign_method(&mut self, other: f64) {
-                *self = (*self).$method(other);
-            }
-        }
-    )*};
-}
-
-operators! {
-    Add, add, AddAssign, add_assign;
-    Sub, sub, SubAssign, sub_assign;
-    Mul, mul, MulAssign, mul_assign;
-    Div, div, DivAssign, div_assign;
-    Rem, rem, RemAssign, rem_assign;
-}
+number!([S: Coefficient, const K: usize] Series<S, K>);
 
 impl<S: Coefficient, const K: usize> Neg for Series<S, K> {
     type Output = Self;
@@ -243,28 +223,6 @@ impl<S: Coefficient, const K: usize> From<f64> for Series<S, K> {
 impl<S: Coefficient, const K: usize> PartialEq for Series<S, K> {
     fn eq(&self, other: &Self) -> bool {
         self.0[0] == other.0[0]
-    }
-}
-
-impl<S: Coefficient, const K: usize> Zero for Series<S, K> {
-    fn zero() -> Self {
-        Self::from(0.0)
-    }
-    fn is_zero(&self) -> bool {
-        self.0[0].is_zero()
-    }
-}
-
-impl<S: Coefficient, const K: usize> One for Series<S, K> {
-    fn one() -> Self {
-        Self::from(1.0)
-    }
-}
-
-impl<S: Coefficient, const K: usize> Num for Series<S, K> {
-    type FromStrRadixErr = <f64 as Num>::FromStrRadixErr;
-    fn from_str_radix(text: &str, radix: u32) -> Result<Self, Self::FromStrRadixErr> {
-        f64::from_str_radix(text, radix).map(Self::from)
     }
 }
 
