@@ -36,7 +36,7 @@ pub(crate) const CENTRAL: f64 = 6.055e-6;
 /// Part of the decrease that the slope promises by which a step has to lower its merit (L. Armijo 1966): any small number will do.
 pub(crate) const ARMIJO: f64 = 1e-4;
 
-/// Rows up to which all singular values and eigenvalues are computed: both are dense, and take about a second here.
+/// Rows up to which all singular values and eigenvalues are computed: both are dense.
 pub(crate) const DENSE: usize = 500;
 
 /// Exact coefficients that a map is asked for, or states, at most: 16 MB of numbers before they grow.
