@@ -22,7 +22,7 @@ pub(super) struct OnSprings {
     at_rest: Vec<f64>,
 }
 
-impl<'a, V: View> Contact<V, &'a dyn NodeLaw> {
+impl<V: View> Contact<V, &dyn NodeLaw> {
     /// This body on springs, under the load at α.
     pub(super) fn on_springs(&self, alpha: f64) -> Result<OnSprings, ContactError> {
         let (body, n) = (self.body(), self.num_displacements());
