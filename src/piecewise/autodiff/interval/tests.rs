@@ -1,3 +1,5 @@
+use num_traits::{One, Zero};
+
 use super::super::series::Series;
 use super::*;
 use crate::spread::Random;
