@@ -213,6 +213,8 @@ fn told_sizes_and_crossings_on_bounds_are_no_limits() {
         ("crossing", 2),
         ("crossing", 7),
         ("crossing", 18),
+        ("transcritical", 12),
+        ("transcritical", 15),
     ];
     for (family, seed) in members {
         let (.., draw) = FAMILIES.iter().find(|f| f.1 == family).expect("a family");
