@@ -99,7 +99,7 @@ fn load_path(report: &mut dyn FnMut(&str, Duration)) -> Outcome<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = read_folder(root.join("tests/data/vee"))?;
     let time = least(|| {
-        let map = folder.problem.condensed()?;
+        let map = folder.condensed()?;
         let start = map.solve(0.0, None)?;
         let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
         Ok(Branch::follow(&map, &start, Direction::Increasing, options)?)

@@ -36,7 +36,7 @@ fn load_path(c: &mut Criterion) {
         };
         c.bench_function(&format!("load path of {name}, condensation included"), |b| {
             b.iter(|| {
-                let map = folder.problem.condensed().unwrap();
+                let map = folder.condensed().unwrap();
                 let start = map.solve(0.0, None).unwrap();
                 let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
                 Branch::follow(&map, &start, Direction::Increasing, options).unwrap()

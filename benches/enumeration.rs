@@ -159,7 +159,7 @@ fn many(c: &mut Criterion) {
 
 fn arms(c: &mut Criterion) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/block_symmetric");
-    let map = read_folder(folder).unwrap().problem.condensed().unwrap();
+    let map = read_folder(folder).unwrap().condensed().unwrap();
     let mut x = vec![0.0; map.num_vars()];
     x[map.num_vars() - 1] = 0.5;
     let options = EnumerationOptions::default();

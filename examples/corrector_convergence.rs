@@ -291,7 +291,7 @@ fn histories() -> Outcome<()> {
     let one_node = HildRenard::new(1.5, 7.0, 1.0, 1.0)?.problem()?;
     history("one contact node, F = 1", &one_node, 1.0)?;
     history("two contact nodes, F = 4", &two_nodes()?, 4.0)?;
-    let block = read_folder(shipped_folder())?.problem;
+    let block = read_folder(shipped_folder())?;
     history("elastic block, 11 contact nodes, full form, γ = 0.5", &block, 0.5)?;
     let condensed = block.condensed()?;
     history(

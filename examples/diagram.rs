@@ -94,7 +94,7 @@ fn run(args: &Args) -> Outcome<()> {
 
     // A symmetric block under the load (1 − γ) f0 + γ f1 with f0 = −f1: at γ = 0.5 it is unloaded and all nodes graze.
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/block_symmetric");
-    let map = read_folder(folder)?.problem.condensed()?;
+    let map = read_folder(folder)?.condensed()?;
     let p = map.num_sites();
     let mut unloaded = vec![0.0; map.num_vars()];
     unloaded[2 * p] = 0.5;

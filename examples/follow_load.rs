@@ -38,7 +38,7 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Outcome<()> {
     let folder = args.folder.clone().unwrap_or_else(shipped_folder);
-    let problem = read_folder(&folder)?.problem;
+    let problem = read_folder(&folder)?;
     let begun = Instant::now();
     let map = problem.condensed()?;
     let start = map.solve(0.0, None)?;

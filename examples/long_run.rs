@@ -48,7 +48,7 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Outcome<()> {
     let folder = args.folder.clone().unwrap_or_else(shipped_folder);
-    let map = read_folder(&folder)?.problem.condensed()?;
+    let map = read_folder(&folder)?.condensed()?;
     let (table, state) = (
         file_in(&args.out, "long_run.csv")?,
         file_in(&args.out, "long_run.json")?,

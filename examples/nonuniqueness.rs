@@ -105,7 +105,7 @@ fn study<L: NodeLaw>(bar: &Bar<L>, name: &str, begun: Instant, args: &Args) -> O
             branch
                 .smooth_folds
                 .iter()
-                .map(|f| (f.point.arclength, f.point.parameter(), false)),
+                .map(|f| (f.arclength, f.parameter(), false)),
         )
         .collect();
     folds.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -6,7 +6,7 @@ use std::fmt;
 use crate::complementarity::{
     AffineFunction, Autodiff, ComplementarityError, Lcp, Mcp, McpReport, McpSolver, check_bounds,
 };
-use crate::cones::{Cone, ConeError, ConeProblem, ConeReport, ConeSolver};
+use crate::cones::{Cone, ConeProblem, ConeReport, ConeSolver};
 use crate::continuation::{
     Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction,
 };
@@ -15,7 +15,7 @@ use crate::optimise::{Bundle, BundleReport, Implicit, OptimiseError};
 use crate::piecewise::{Expression, Formula, PiecewiseSmooth, Traced};
 use crate::sensitivity::{Sensitivity, SensitivityError};
 use crate::sparse::Matrix;
-use crate::variational::{Polyhedron, VariationalError, Vi, ViReport, ViSolver};
+use crate::variational::{Polyhedron, Vi, ViReport, ViSolver};
 
 /// A point with the report of the solver that found it.
 #[derive(Debug, Clone, PartialEq)]
@@ -166,7 +166,7 @@ fn solved<E, R>(x: Vec<f64>, report: R, is_solved: bool) -> Result<Solution<R>, 
 /// What [`solve`], [`solve_lcp`] and [`solve_mcp`] return.
 pub type McpResult = Result<Solution<McpReport>, SolveError<ComplementarityError, McpReport>>;
 /// What [`solve_vi`] and [`solve_qp`] return.
-pub type ViResult = Result<Solution<ViReport>, SolveError<VariationalError, ViReport>>;
+pub type ViResult = Result<Solution<ViReport>, SolveError<ComplementarityError, ViReport>>;
 
 /// What [`implicit`] returns.
 pub type ImplicitFormula = Implicit<Autodiff<Formula>, Traced<Formula>, Autodiff<Formula>>;
@@ -270,7 +270,7 @@ where
 /// # Errors
 /// Wrong shapes, entries that are not finite; that no solution was found, or that there is none, with the certificate in the report.
 pub fn solve_qp(p: Matrix, q: &[f64], set: Polyhedron) -> ViResult {
-    let gradient = AffineFunction::new(p, q.to_vec()).map_err(VariationalError::from)?;
+    let gradient = AffineFunction::new(p, q.to_vec())?;
     vi(&Vi::new(gradient, set)?, &vec![0.0; q.len()])
 }
 
@@ -297,7 +297,7 @@ pub fn solve_cone<F>(
     function: F,
     cones: Vec<Cone>,
     x0: &[f64],
-) -> Result<Solution<ConeReport>, SolveError<ConeError, ConeReport>>
+) -> Result<Solution<ConeReport>, SolveError<ComplementarityError, ConeReport>>
 where
     F: for<'a> FnOnce(&[Expression<'a>]) -> Vec<Expression<'a>>,
 {

@@ -47,6 +47,7 @@ mod extended;
 pub mod fallible;
 pub mod fem;
 pub mod guide;
+mod input;
 pub mod interface;
 mod judge;
 pub mod linear;
@@ -74,7 +75,7 @@ pub use doors::{
     ImplicitFormula, McpResult, Solution, SolveError, ViResult, all_solutions, diagram, follow, implicit,
     minimise, parametric, parametric_mcp, solve, solve_cone, solve_lcp, solve_mcp, solve_qp, solve_vi,
 };
-pub use words::UnknownName;
+pub use input::InputError;
 
 /// The example of the README, compiled with the tests.
 #[cfg(doctest)]

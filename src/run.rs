@@ -145,6 +145,11 @@ impl Status {
         }
     }
 
+    /// Whether the run was ended from outside, by an observer or by the clock.
+    pub(crate) const fn is_early(self) -> bool {
+        matches!(self, Self::Interrupted | Self::TimeLimit)
+    }
+
     /// Whether the point returned is a solution.
     #[must_use]
     pub const fn is_solved(self) -> bool {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use thiserror::Error;
+use crate::InputError;
 
 /// Longest part of a word that an error repeats.
 pub(crate) const SHOWN: usize = 40;
@@ -10,30 +10,8 @@ pub(crate) const SHOWN: usize = 40;
 /// Names that an error lists.
 pub(crate) const LISTED: usize = 20;
 
-/// A word that names no value of an enum.
-///
-/// ```
-/// use semismooth::fem::CellKind;
-/// assert_eq!("triangle".parse(), Ok(CellKind::Triangle));
-/// let wrong = "wedge".parse::<CellKind>().unwrap_err();
-/// assert_eq!(
-///     wrong.to_string(),
-///     "\"wedge\" is no kind of cell: write triangle, quadrilateral, tetrahedron, hexahedron, triangle6, quadrilateral8, quadrilateral9, tetrahedron10, hexahedron20 or hexahedron27"
-/// );
-/// ```
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[non_exhaustive]
-#[error("\"{found}\" is no {what}: write {}", alternatives(known))]
-pub struct UnknownName {
-    /// What should have been named.
-    pub what: &'static str,
-    /// The word found; of a long one its beginning.
-    pub found: String,
-    /// The words there are.
-    pub known: Vec<&'static str>,
-}
-
-fn alternatives(known: &[&str]) -> String {
+/// Words in a sentence: "a, b or c".
+pub(crate) fn alternatives(known: &[&str]) -> String {
     match known {
         [rest @ .., last] if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
         _ => known.join(""),
@@ -46,8 +24,8 @@ pub(crate) fn find<T: Copy>(
     found: &str,
     all: impl Iterator<Item = T> + Clone,
     name: impl Fn(T) -> &'static str,
-) -> Result<T, UnknownName> {
-    (all.clone().find(|value| name(*value) == found)).ok_or_else(|| UnknownName {
+) -> Result<T, InputError> {
+    (all.clone().find(|value| name(*value) == found)).ok_or_else(|| InputError::Name {
         what,
         found: found.chars().take(SHOWN).collect(),
         known: all.map(name).collect(),
@@ -173,7 +151,7 @@ macro_rules! named {
         }
 
         impl std::str::FromStr for $type {
-            type Err = crate::UnknownName;
+            type Err = crate::InputError;
 
             #[doc = concat!("The ", $what, " of this name, as `Display` writes it.")]
             fn from_str(word: &str) -> Result<Self, Self::Err> {

@@ -1,5 +1,6 @@
 //! Gmsh files of both versions, text and binary of either byte order: one mesh in eight formats.
 
+use semismooth::InputError;
 use semismooth::fem::{CellKind, FemError, Mesh, parse_gmsh};
 
 /// Writes numbers as text or as bytes.
@@ -207,7 +208,7 @@ fn bad_files() {
     }
     assert!(matches!(
         parse("$Nodes\n1\n1 0 0 0\n$EndNodes\n"),
-        Err(FemError::Parse { .. })
+        Err(FemError::Input(InputError::Parse { .. }))
     ));
     assert!(matches!(parse(""), Err(FemError::Empty { .. })));
 }

@@ -11,7 +11,7 @@ use semismooth::continuation::{
 };
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh};
-use semismooth::output::{Report, ReportError, ReportOptions};
+use semismooth::output::{OutputError, Report, ReportOptions};
 use semismooth::piecewise::{Formula, MinMap, PiecewiseSmooth, Traced};
 
 fn go_on(_: &str) -> ControlFlow<()> {
@@ -328,7 +328,7 @@ fn a_start_without_a_solution_is_exchanged_for_one_at_the_loads() {
         let options = ReportOptions::default().with_loads(loads);
         Report::of_map(&map, &["y", "α"], &[0.0, -1.0], 2.0, &options, go_on)
     };
-    assert!(matches!(report(vec![-0.5]), Err(ReportError::Curve(_))));
+    assert!(matches!(report(vec![-0.5]), Err(OutputError::Curve(_))));
     let found = report(vec![-0.5, 1.0]).unwrap();
     assert_eq!(found.branch().unwrap().points[0].parameter(), 1.0);
     assert_eq!(found.lists().len(), 2);

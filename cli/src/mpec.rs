@@ -3,11 +3,12 @@
 
 use std::cell::RefCell;
 
-use semismooth::complementarity::{Mcp, McpFunction};
+use semismooth::InputError;
+use semismooth::complementarity::{ComplementarityError, Mcp, McpFunction};
 use semismooth::optimise::{Bundle, BundleOptions, Implicit, OptimiseError};
 use semismooth::run::Status;
-use semismooth::sparse::{Matrix, Pattern, SparseError};
-use semismooth::variational::{Polyhedron, VariationalError};
+use semismooth::sparse::{Matrix, Pattern};
+use semismooth::variational::Polyhedron;
 use thiserror::Error;
 
 use crate::graph::Gradient;
@@ -66,15 +67,15 @@ pub enum MpecError {
     Library(#[from] OptimiseError),
 }
 
-impl From<VariationalError> for MpecError {
-    fn from(error: VariationalError) -> Self {
+impl From<ComplementarityError> for MpecError {
+    fn from(error: ComplementarityError) -> Self {
         Self::Library(error.into())
     }
 }
 
-impl From<SparseError> for MpecError {
-    fn from(error: SparseError) -> Self {
-        Self::Library(VariationalError::from(error).into())
+impl From<InputError> for MpecError {
+    fn from(error: InputError) -> Self {
+        Self::Library(ComplementarityError::from(error).into())
     }
 }
 

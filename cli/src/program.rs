@@ -2,8 +2,9 @@
 
 use std::cell::RefCell;
 
+use semismooth::InputError;
 use semismooth::complementarity::{ConstraintKind, Program};
-use semismooth::sparse::{Matrix, Pattern, SparseError};
+use semismooth::sparse::{Matrix, Pattern};
 
 use crate::graph::{Expression, Gradient, Hessian, TooDense};
 use crate::model::{Model, Objective, RowKind, linear_value};
@@ -50,7 +51,7 @@ pub enum NlpError {
     Hessian(#[from] TooDense),
     /// A pattern could not be made.
     #[error(transparent)]
-    Pattern(#[from] SparseError),
+    Pattern(#[from] InputError),
 }
 
 impl<'m> Nlp<'m> {

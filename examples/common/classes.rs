@@ -247,7 +247,7 @@ fn friction(sizes: &Sizes) -> Outcome<Vec<Equation>> {
             Box::new(two_nodes()?),
             parameter,
         ));
-        let block = read_folder(shipped_folder())?.problem.condensed()?;
+        let block = read_folder(shipped_folder())?.condensed()?;
         list.push(Equation::pieces(
             format!("elastic block, at {}", parameter / 4.0),
             Box::new(block),

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use semismooth::complementarity::{AffineFunction, McpFunction};
+use semismooth::complementarity::{AffineFunction, ComplementarityError, McpFunction};
 use semismooth::cones::{Cone, ConeProblem};
 use semismooth::sparse::Matrix;
 use semismooth::variational::{Polyhedron, Vi};
@@ -60,7 +60,7 @@ fn open<T>(
 /// Reads a variational inequality over a polyhedron.
 pub(crate) fn read_vi(path: &Path) -> Result<(Problem, Vi<Function>), Failure> {
     open(path, |file, n| {
-        let told = |e: semismooth::variational::VariationalError| e.to_string();
+        let told = |e: ComplementarityError| e.to_string();
         let mut set = Polyhedron::boxed(
             bounds(file, "lower", n, f64::NEG_INFINITY)?,
             bounds(file, "upper", n, f64::INFINITY)?,

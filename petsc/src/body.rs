@@ -1,6 +1,7 @@
 use std::collections::HashMap;
 use std::error::Error as StdError;
 
+use semismooth::InputError;
 use semismooth::contact::{ContactError, ReducedOptions};
 use semismooth::fem::{ContactRows, ElasticSystem};
 use thiserror::Error;
@@ -243,11 +244,11 @@ impl<'w> DistributedBody<'w> {
     pub(crate) fn check_length(&self, what: &'static str, v: &[f64]) -> Result<(), ContactError> {
         match v.len() == self.num_free() {
             true => Ok(()),
-            false => Err(ContactError::Length {
+            false => Err(ContactError::Input(InputError::Length {
                 what,
                 expected: self.num_free(),
                 found: v.len(),
-            }),
+            })),
         }
     }
 

@@ -1,5 +1,6 @@
 //! Bodies condensed onto their contact nodes, for the condensed form on one process.
 
+use semismooth::InputError;
 use semismooth::contact::{ContactBody, ContactError};
 use semismooth::interface::LoadPath;
 use semismooth::sparse::Matrix as Sparse;
@@ -192,11 +193,11 @@ impl CondensedBody<'_, '_> {
         let p = body.num_contacts();
         let mut checked = body.check_length("the load", load);
         if checked.is_ok() && world.rank() == 0 && forces.len() != body.dim * p {
-            checked = Err(ContactError::Length {
+            checked = Err(ContactError::Input(InputError::Length {
                 what: "the list of contact forces",
                 expected: body.dim * p,
                 found: forces.len(),
-            });
+            }));
         }
         world.agree(checked)?;
         let mut first = 0;

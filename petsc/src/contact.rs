@@ -1,3 +1,4 @@
+use semismooth::InputError;
 use semismooth::contact::{
     ContactError, LocalValues, NodeLaw, ReducedError, ReducedNodes, ReducedOptions, ReducedReport, check_law,
     solve_reduced,
@@ -71,7 +72,7 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
     ///
     /// # Errors
     /// On all processes, if there is one on any: wrong lengths, values that are not finite, coefficients of friction that the law
-    /// refuses. If no solution was found, the source of the error is [`ContactError::NotConverged`], [`ContactError::Interrupted`],
+    /// refuses. If no solution was found, the source of the error is [`ContactError::NotConverged`],
     /// [`ContactError::NotReducible`] or [`ContactError::Elsewhere`], with the best iterate and the history. If a linear solver failed, the
     /// error is [`Error::StepFailed`], with the same.
     pub fn solve(&mut self, alpha: f64, load: &[f64], start: Option<&[f64]>) -> Result<ReducedReport, Error> {
@@ -95,7 +96,6 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
             Err(ReducedError::System { source, best }) => (Some(*best), End::Step(source)),
             Err(ReducedError::Contact(e)) => match e {
                 ContactError::NotConverged { best } => (Some(*best), End::NotConverged),
-                ContactError::Interrupted { best } => (Some(*best), End::Interrupted),
                 ContactError::NotReducible { node, piece, best } => (Some(*best), End::Law(node, piece)),
                 ContactError::Elsewhere { best } => (Some(*best), End::Elsewhere),
                 e => (None, End::Other(e)),
@@ -122,7 +122,6 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
                 let source = Box::new(source);
                 return Err(Error::StepFailed { source, best });
             }
-            (End::Interrupted, Some(best)) => Err(Some(ContactError::Interrupted { best })),
             (End::NotConverged, Some(best)) => Err(Some(ContactError::NotConverged { best })),
             (End::Law(node, piece), Some(best)) => {
                 Err(Some(ContactError::NotReducible { node, piece, best }))
@@ -168,11 +167,11 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
         let (p, dim) = (self.system.body.components.len(), self.system.body.dim);
         let mut checked = self.check(alpha, &found.displacements, None);
         if checked.is_ok() && found.forces.len() != dim * p {
-            checked = Err(ContactError::Length {
+            checked = Err(ContactError::Input(InputError::Length {
                 what: "the list of contact forces",
                 expected: dim * p,
                 found: found.forces.len(),
-            });
+            }));
         }
         self.world().agree(checked)?;
         let u = self.system.body.turned(&found.displacements);
@@ -196,7 +195,6 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
 enum End {
     Solved,
     NotConverged,
-    Interrupted,
     Step(Error),
     Law(usize, String),
     Elsewhere,
@@ -215,11 +213,11 @@ fn fits(body: &DistributedBody<'_>, law: &impl NodeLaw, options: &ReducedOptions
 
 fn check_finite(what: &'static str, v: &[f64]) -> Result<(), ContactError> {
     match v.iter().position(|x| !x.is_finite()) {
-        Some(index) => Err(ContactError::NotFinite {
+        Some(index) => Err(ContactError::Input(InputError::NotFinite {
             what,
             index,
             value: v[index],
-        }),
+        })),
         None => Ok(()),
     }
 }

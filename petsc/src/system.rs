@@ -1,4 +1,6 @@
-use semismooth::contact::{KrylovOutcome, ReducedStep, ReducedSystem};
+use semismooth::contact::{ReducedStep, ReducedSystem};
+use semismooth::linear::KrylovReport;
+use semismooth::run::Status;
 use thiserror::Error;
 
 use crate::DistributedBody;
@@ -137,13 +139,13 @@ impl<'w> System<'w> {
         Ok(matrix)
     }
 
-    fn direction(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovOutcome, SolverError> {
+    fn direction(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovReport, SolverError> {
         let mut size = [r.iter().map(|r| r * r).sum()];
         self.body.world.add(&mut size)?;
         let size = size[0].sqrt();
         if size == 0.0 {
             d.fill(0.0);
-            return Ok(KrylovOutcome::new(0, 0.0));
+            return Ok(KrylovReport::new(Status::Solved, 0, 0.0));
         }
         self.x.set(r)?;
         let solved = self
@@ -158,7 +160,10 @@ impl<'w> System<'w> {
         self.y.get(d)?;
         // The solution is zero at constrained components; interpolation may leave small values.
         self.constrained.iter().for_each(|k| d[*k] = 0.0);
-        Ok(KrylovOutcome::new(solved.iterations, solved.residual / size))
+        let residual = solved.residual / size;
+        let met = residual <= tolerance;
+        let status = if met { Status::Solved } else { Status::IterationLimit };
+        Ok(KrylovReport::new(status, solved.iterations, residual))
     }
 }
 
@@ -228,7 +233,7 @@ impl ReducedSystem for System<'_> {
         self.body.world.agree(done)
     }
 
-    fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovOutcome, Error> {
+    fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovReport, Error> {
         let done = self.direction(r, d, tolerance);
         self.body.world.agree(done)
     }

@@ -6,7 +6,7 @@ use numpy::PyArray1;
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyList, PyString, PyTuple};
-use semismooth::UnknownName;
+use semismooth::InputError;
 use semismooth::fem::{self, ElasticSystem, Elasticity, PlaneModel, Spring};
 use semismooth::interface::LoadCase;
 
@@ -211,11 +211,11 @@ impl Body {
         let (py, dim, failures) = (mesh.py(), mesh.get().mesh.dim(), Failures::default());
         let plane: PlaneModel = plane
             .parse()
-            .map_err(|e: UnknownName| PyValueError::new_err(format!("plane: {e}")))?;
+            .map_err(|e: InputError| PyValueError::new_err(format!("plane: {e}")))?;
         let own = Elasticity::new(mesh.get().mesh.clone(), material.material.clone());
         let dilatation = dilatation
             .parse()
-            .map_err(|e: UnknownName| PyValueError::new_err(format!("dilatation: {e}")))?;
+            .map_err(|e: InputError| PyValueError::new_err(format!("dilatation: {e}")))?;
         let mut body = own.with_plane_model(plane).with_dilatation(dilatation);
         if floating {
             body = body.floating();

@@ -170,8 +170,8 @@ pub(crate) struct Branch {
     /// Zeros of monitors, along the curve.
     #[pyo3(get)]
     crossings: Vec<Py<Crossing>>,
-    /// Why the branch ended: "bound of the parameter", "end of the branch", "closed curve", "branching", "tends to infinity", "limit on points",
-    /// "step too small", "zero of a monitor", "stopped" and others.
+    /// Why the branch ended: "bound of the parameter", "end of the branch", "closed curve", "branching", "tends to infinity", "point limit",
+    /// "step too small", "zero of a monitor", "interrupted" and others.
     #[pyo3(get)]
     termination: &'static str,
     /// Number of factorisations.
@@ -207,7 +207,7 @@ impl Branch {
             (found.transitions.iter()).map(|t| Py::new(py, Transition::new(t, Arc::clone(&names))));
         let kinks = found.transitions.iter().filter(|t| t.is_fold());
         let kinks = kinks.map(|t| (t.arclength, &t.x, "kink"));
-        let smooth = found.smooth_folds.iter().map(|f| &f.point);
+        let smooth = found.smooth_folds.iter();
         let smooth = smooth.map(|p| (p.arclength, &p.x, "smooth"));
         let mut folds: Vec<_> = kinks.chain(smooth).collect();
         folds.sort_by(|a, b| a.0.total_cmp(&b.0));

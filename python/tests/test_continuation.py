@@ -142,7 +142,7 @@ def test_diagrams_hold_all_arms_and_list_solutions():
             np.testing.assert_allclose(edge.points[at], diagram.vertices[end].x, atol=1e-7)
     assert sorted(e for branch in diagram.branches for e, _ in branch) == list(range(len(diagram.edges)))
     limited = ss.diagram(lambda x: [x[0] ** 3 - x[1] * x[0]], [[0.0, -0.5]], (-1.0, 1.0), max_edges=1)
-    assert limited.limited and "limit on edges" in limited.completeness
+    assert limited.limited and "edge limit" in limited.completeness
 
 
 def test_monitors_and_callbacks_of_diagrams():
@@ -165,7 +165,7 @@ def test_monitors_and_callbacks_of_diagrams():
     assert {"point", "fold", "pass-through"} <= {e["event"] for e in seen}
     assert all(abs(e["x"][0]) + abs(e["x"][1]) == pytest.approx(1, abs=1e-9) for e in seen)
     stopped = ss.diagram(lambda x: [abs(x[0]) + abs(x[1]) - 1], [[0.5, 0.5]], callback=lambda e: True)
-    assert stopped.limited and "stopped" in stopped.completeness
+    assert stopped.limited and "interrupted" in stopped.completeness
     error = KeyError("mine")
 
     def failing(x):
@@ -306,7 +306,7 @@ def test_a_callback_sees_every_point_and_stops():
     assert [e["event"] for e in seen] == branch.events
     np.testing.assert_array_equal([e["x"] for e in seen], branch.points)
     stopped = ss.follow(beam, [0.0, 0.0], (0.0, 2.0), callback=lambda e: e["event"] == "fold")
-    assert stopped.termination == "stopped" and len(stopped.transitions) == 1
+    assert stopped.termination == "interrupted" and len(stopped.transitions) == 1
 
 
 @pytest.mark.parametrize("called", [False, True])

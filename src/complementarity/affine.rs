@@ -1,5 +1,5 @@
-use super::error::check_finite;
 use super::{ComplementarityError, McpFunction};
+use crate::input::check_vector;
 use crate::sparse::{Matrix, Pattern};
 
 /// F(x) = M x + q, dense or sparse; with one column more than rows the last variable is a parameter.
@@ -42,7 +42,7 @@ impl AffineFunction {
                 expected: "M has as many columns as rows, and those behind them belong to parameters",
             });
         }
-        check_finite("q", &q, rows)?;
+        check_vector("q", &q, rows)?;
         matrix.check_finite()?;
         // With the diagonal stored, Jacobians of reformulations have the pattern of M and are copied value by value.
         let pattern = with_diagonal(matrix.pattern())?;

@@ -1,5 +1,7 @@
 use super::scratch::Scratch;
 use super::{ComplementarityError, McpFunction};
+use crate::InputError;
+use crate::input::{check_length, check_vector};
 use crate::sparse::{Coloring, Matrix, Pattern};
 use crate::tolerances::CENTRAL;
 
@@ -99,13 +101,7 @@ impl<V: Fn(&[f64], &mut [f64])> Differenced<V> {
     /// Wrong lengths.
     pub fn with_bounds(mut self, lower: Vec<f64>, upper: Vec<f64>) -> Result<Self, ComplementarityError> {
         for (what, found) in [("lower", lower.len()), ("upper", upper.len())] {
-            if found != self.num_values {
-                return Err(ComplementarityError::Length {
-                    what,
-                    expected: self.num_values,
-                    found,
-                });
-            }
+            check_length(what, found, self.num_values)?;
         }
         self.bounds = Some((lower, upper));
         Ok(self)
@@ -306,7 +302,7 @@ pub fn check_jacobian<F: McpFunction + ?Sized>(
     tolerance: f64,
 ) -> Result<JacobianCheck, ComplementarityError> {
     let (n, m) = (function.num_values(), function.num_vars());
-    super::error::check_finite("the point x", x, m)?;
+    check_vector("the point x", x, m)?;
     let mut jac = Matrix::zeros(super::affine::with_diagonal(&function.pattern())?);
     function.jacobian(x, &mut jac);
     if let Some((row, col)) = jac.stray() {
@@ -335,11 +331,11 @@ pub fn check_jacobian<F: McpFunction + ?Sized>(
         for i in 0..n {
             let given = jac.get(i, j);
             if !(given.is_finite() && fine[i].is_finite()) {
-                return Err(ComplementarityError::NotFinite {
+                return Err(ComplementarityError::Input(InputError::NotFinite {
                     what: "the row of the Jacobian, or of its difference quotients,",
                     index: i,
                     value: if given.is_finite() { fine[i] } else { given },
-                });
+                }));
             }
             let doubt = (fine[i] - coarse[i]).abs();
             let error = ((given - fine[i]).abs() - doubt).max(0.0) / (1.0 + given.abs().max(fine[i].abs()));

@@ -1,26 +1,75 @@
 use thiserror::Error;
 
+use crate::InputError;
+use crate::enumeration::EnumerationError;
 use crate::linear::LinearError;
-use crate::piecewise::PiecewiseError;
-use crate::sparse::SparseError;
+use crate::piecewise::{PiecewiseError, carries_maps};
 
 /// What can be wrong with a complementarity problem or its options. How a solve ended is in its report.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ComplementarityError {
+    /// A cone needs at least one variable.
+    #[error("cone {index} has no variables; leave it out")]
+    EmptyCone {
+        /// Position of the cone, from 0.
+        index: usize,
+    },
+    /// The numbers of variables add up to more than a `usize` holds.
+    #[error(
+        "the cones up to number {index} have more variables than can be counted; check their numbers of variables"
+    )]
+    TooManyVariables {
+        /// Position of the last cone of the sum, from 0.
+        index: usize,
+    },
+    /// A cone whose projection has no finite list of smooth pieces.
+    #[error(
+        "cone {index} is one of semidefinite matrices, whose projection has no finite list of smooth pieces"
+    )]
+    NoPieces {
+        /// Position of the cone, from 0.
+        index: usize,
+    },
+    /// The Jacobian of F has an entry outside its pattern.
+    #[error("the Jacobian has an entry at ({row}, {col}), where its pattern has none")]
+    OutsidePattern {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        col: usize,
+    },
+    /// The blocks of the cones, whose derivatives are full, would take more memory than is allowed.
+    #[error(
+        "the derivatives of the cones are full: some {needed:.1e} bytes, more than {limit:.1e} allowed by `max_memory`; state large cones as \
+         several small ones"
+    )]
+    Memory {
+        /// An estimate, in bytes.
+        needed: f64,
+        /// The limit, in bytes.
+        limit: f64,
+    },
+    /// Constraints are linearly dependent up to rounding, and it is undecided whether they have a common point.
+    #[error(
+        "rounding leaves open whether the constraints have a common point (after {steps} changes of the active set, at row {row}, \
+         equations before inequalities, lower and upper bounds); state constraints that nearly depend on each other once"
+    )]
+    Unresolved {
+        /// Changes made.
+        steps: usize,
+        /// The row last tried: equations first, then inequalities, lower and upper bounds.
+        row: usize,
+    },
+    /// The list of all solutions could not be made.
+    #[error(transparent)]
+    Enumeration(#[from] EnumerationError),
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// There is nothing to solve for.
     #[error("the problem has no variables; at least one is needed")]
     Empty,
-    /// A vector has the wrong length.
-    #[error("{what} has length {found}, expected {expected}")]
-    Length {
-        /// Which vector.
-        what: &'static str,
-        /// Length required.
-        expected: usize,
-        /// Length given.
-        found: usize,
-    },
     /// A bound is NaN, a lower bound +∞ or an upper bound −∞.
     #[error("{what}[{index}] = {value} is not a bound; use a number, or {free} for no bound")]
     Bound {
@@ -57,16 +106,6 @@ pub enum ComplementarityError {
         /// The names that exist.
         known: String,
     },
-    /// A number that must be finite is not.
-    #[error("{what}[{index}] = {value} is not finite")]
-    NotFinite {
-        /// Which vector.
-        what: &'static str,
-        /// Position, from 0.
-        index: usize,
-        /// Its value.
-        value: f64,
-    },
     /// The numbers of variables and values of the function do not fit its use.
     #[error("a function of {vars} variables with {values} values cannot be used here; {expected}")]
     Dimensions {
@@ -91,16 +130,6 @@ pub enum ComplementarityError {
         /// Its difference quotient.
         found: f64,
     },
-    /// An option is out of its range.
-    #[error("option {name} = {value} is out of range; it must be {range}")]
-    Option {
-        /// Name of the field.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// The range.
-        range: &'static str,
-    },
     /// A method does not apply to the problem.
     #[error("{method} cannot solve this problem: {reason}")]
     Unsuitable {
@@ -111,34 +140,10 @@ pub enum ComplementarityError {
     },
     /// The map could not be used.
     #[error(transparent)]
-    Map(#[from] PiecewiseError),
-    /// A matrix or pattern does not fit.
-    #[error(transparent)]
-    Sparse(#[from] SparseError),
+    Map(PiecewiseError),
     /// The linear solver refused the problem (size, memory).
     #[error(transparent)]
     Linear(#[from] LinearError),
 }
 
-/// Checks the length of a vector and that its entries are finite.
-pub(super) fn check_finite(
-    what: &'static str,
-    v: &[f64],
-    expected: usize,
-) -> Result<(), ComplementarityError> {
-    if v.len() != expected {
-        return Err(ComplementarityError::Length {
-            what,
-            expected,
-            found: v.len(),
-        });
-    }
-    match v.iter().position(|x| !x.is_finite()) {
-        Some(index) => Err(ComplementarityError::NotFinite {
-            what,
-            index,
-            value: v[index],
-        }),
-        None => Ok(()),
-    }
-}
+carries_maps!(ComplementarityError);

@@ -1,6 +1,7 @@
 //! Fischer–Burmeister functions, free of cancellation, and the reformulation of an MCP by them.
 
 use super::{ComplementarityError, Mcp, McpFunction};
+use crate::input::check_options;
 use crate::piecewise::{Activity, Semismooth, open_cone};
 use crate::sparse::{Matrix, Pattern, norm};
 use crate::spread::Random;
@@ -191,13 +192,7 @@ impl<'a, F: McpFunction> FischerBurmeister<'a, F> {
     /// # Errors
     /// λ out of range; a parametric problem.
     pub fn penalised(problem: &'a Mcp<F>, lambda: f64) -> Result<Self, ComplementarityError> {
-        if !(lambda > 0.0 && lambda <= 1.0) {
-            return Err(ComplementarityError::Option {
-                name: "lambda",
-                value: lambda,
-                range: "in (0, 1]",
-            });
-        }
+        check_options(&[("lambda", lambda, lambda > 0.0 && lambda <= 1.0, "in (0, 1]")])?;
         if problem.is_parametric() {
             return Err(ComplementarityError::Dimensions {
                 vars: problem.len() + 1,

@@ -1,5 +1,6 @@
 use super::scratch::Scratch;
 use super::{ComplementarityError, Mcp, McpFunction};
+use crate::input::check_length;
 use crate::sparse::{Matrix, Pattern};
 
 /// A smooth program: minimise f(x) subject to c(x) ≥ 0 or c(x) = 0 and bounds on x, by its first and second derivatives.
@@ -85,7 +86,7 @@ pub enum ConstraintKind {
 
 /// The function (∇f(x) − ∇c(x)ᵀ y, c(x)) of the variables (x, y).
 #[derive(Debug, Clone)]
-pub struct Kkt<P> {
+struct Kkt<P> {
     program: P,
     pattern: Pattern,
     work: Scratch<(Matrix, Matrix)>,
@@ -133,7 +134,7 @@ pub fn kkt<P: Program>(
     kinds: &[ConstraintKind],
     mut lower: Vec<f64>,
     mut upper: Vec<f64>,
-) -> Result<Mcp<Kkt<P>>, ComplementarityError> {
+) -> Result<Mcp<impl McpFunction>, ComplementarityError> {
     let (n, m) = (program.num_vars(), program.num_constraints());
     let (hessian, constraints) = (program.hessian_pattern(), program.constraint_pattern());
     let lengths = [
@@ -146,13 +147,7 @@ pub fn kkt<P: Program>(
         ("the pattern of the constraints (columns)", constraints.ncols(), n),
     ];
     for (what, found, expected) in lengths {
-        if found != expected {
-            return Err(ComplementarityError::Length {
-                what,
-                expected,
-                found,
-            });
-        }
+        check_length(what, found, expected)?;
     }
     for kind in kinds {
         lower.push(match kind {

@@ -1,5 +1,5 @@
-use super::error::check_finite;
 use super::{AffineFunction, ComplementarityError, Mcp};
+use crate::input::{check_length, check_vector};
 use crate::sparse::Matrix;
 
 /// The linear complementarity problem LCP(M, q), or with bounds the box LCP (affine variational inequality over a box).
@@ -126,13 +126,7 @@ impl Lcp {
     /// ```
     pub fn in_constants(&self, columns: &Matrix) -> Result<Mcp<AffineFunction>, ComplementarityError> {
         let n = self.len();
-        if columns.nrows() != n {
-            return Err(ComplementarityError::Length {
-                what: "the rows of the columns C",
-                expected: n,
-                found: columns.nrows(),
-            });
-        }
+        check_length("the rows of the columns C", columns.nrows(), n)?;
         let moved = columns.triplets().map(|(i, j, v)| (i, n + j, v));
         let entries: Vec<_> = self.matrix().triplets().chain(moved).collect();
         let matrix = Matrix::from_triplets(n, n + columns.ncols(), &entries)?;
@@ -187,7 +181,7 @@ impl Lcp {
     /// # Errors
     /// Wrong length or entries that are not finite; the problem is then unchanged.
     pub fn set_q(&mut self, q: &[f64]) -> Result<(), ComplementarityError> {
-        check_finite("q", q, self.len())?;
+        check_vector("q", q, self.len())?;
         self.mcp.function_mut().q_mut().copy_from_slice(q);
         Ok(())
     }
@@ -197,7 +191,7 @@ impl Lcp {
     /// # Errors
     /// Wrong length or entries that are not finite; the problem is then unchanged.
     pub fn set_values(&mut self, values: &[f64]) -> Result<(), ComplementarityError> {
-        check_finite("the values of the matrix", values, self.matrix().values().len())?;
+        check_vector("the values of the matrix", values, self.matrix().values().len())?;
         self.mcp.function_mut().values_mut().copy_from_slice(values);
         Ok(())
     }

@@ -90,12 +90,12 @@ pub use error::ComplementarityError;
 pub use fischer::FischerBurmeister;
 pub use function::{McpFunction, WithJacobian};
 pub(crate) use in_units::InUnits;
-pub use kkt::{ConstraintKind, Kkt, Program, kkt};
+pub use kkt::{ConstraintKind, Program, kkt};
 pub use lcp::Lcp;
 pub use normal::NormalMap;
+pub use problem::Mcp;
 #[cfg(feature = "autodiff")]
 pub(crate) use problem::check_bounds;
-pub use problem::{AtParameter, Mcp};
 pub(crate) use scratch::Scratch;
 pub use solver::{
     BoundState, Fallback, McpIteration, McpOptions, McpReport, McpSolver, McpStep, McpStrategy,

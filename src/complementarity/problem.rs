@@ -1,10 +1,11 @@
 use std::sync::Arc;
 
 use super::affine::with_diagonal;
-use super::error::check_finite;
 use super::scratch::Scratch;
 use super::units::Units;
 use super::{AffineFunction, ComplementarityError, McpFunction, Variables};
+use crate::InputError;
+use crate::input::{check_length, check_vector};
 use crate::sparse::{Matrix, Pattern, max_abs};
 
 /// A mixed complementarity problem MCP(F, l, u).
@@ -89,11 +90,11 @@ impl<F: McpFunction> Mcp<F> {
         check_bounds(&lower, &upper, n)?;
         let pattern = function.pattern();
         if pattern.nrows() != n || pattern.ncols() != m {
-            return Err(ComplementarityError::Length {
+            return Err(ComplementarityError::Input(InputError::Length {
                 what: "the declared pattern (rows times columns)",
                 expected: n * m,
                 found: pattern.nrows() * pattern.ncols(),
-            });
+            }));
         }
         Ok(Self {
             pattern: with_diagonal(&pattern)?,
@@ -203,13 +204,7 @@ impl<F: McpFunction> Mcp<F> {
             ("x", x.len(), self.function.num_vars()),
             ("out", out.len(), self.len()),
         ] {
-            if found != expected {
-                return Err(ComplementarityError::Length {
-                    what,
-                    expected,
-                    found,
-                });
-            }
+            check_length(what, found, expected)?;
         }
         self.function.value(x, out);
         for i in 0..out.len() {
@@ -222,7 +217,7 @@ impl<F: McpFunction> Mcp<F> {
     ///
     /// # Errors
     /// A problem without a parameter; a value that is not finite.
-    pub fn at(&self, parameter: f64) -> Result<Mcp<AtParameter<&F>>, ComplementarityError> {
+    pub fn at(&self, parameter: f64) -> Result<Mcp<impl McpFunction>, ComplementarityError> {
         if self.function.num_vars() != self.len() + 1 {
             return Err(ComplementarityError::Dimensions {
                 vars: self.function.num_vars(),
@@ -237,8 +232,11 @@ impl<F: McpFunction> Mcp<F> {
     ///
     /// # Errors
     /// Another number of values; values that are not finite.
-    pub fn at_parameters(&self, parameters: &[f64]) -> Result<Mcp<AtParameter<&F>>, ComplementarityError> {
-        check_finite(
+    pub fn at_parameters<'a>(
+        &'a self,
+        parameters: &[f64],
+    ) -> Result<Mcp<impl McpFunction + use<'a, F>>, ComplementarityError> {
+        check_vector(
             "the parameters",
             parameters,
             self.function.num_vars() - self.len(),
@@ -271,13 +269,7 @@ pub(crate) fn check_bounds(lower: &[f64], upper: &[f64], n: usize) -> Result<(),
         ("lower", lower, f64::INFINITY, "-inf"),
         ("upper", upper, f64::NEG_INFINITY, "+inf"),
     ] {
-        if bound.len() != n {
-            return Err(ComplementarityError::Length {
-                what,
-                expected: n,
-                found: bound.len(),
-            });
-        }
+        check_length(what, bound.len(), n)?;
         if let Some(index) = bound.iter().position(|b| b.is_nan() || *b == wrong) {
             return Err(ComplementarityError::Bound {
                 what,
@@ -314,7 +306,7 @@ pub(super) fn natural(x: f64, lower: f64, upper: f64, f: f64) -> f64 {
 
 /// A function with its parameters fixed.
 #[derive(Debug, Clone)]
-pub struct AtParameter<F> {
+struct AtParameter<F> {
     function: F,
     work: Scratch<(Vec<f64>, Matrix)>,
     pattern: Pattern,

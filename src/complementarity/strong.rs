@@ -1,8 +1,8 @@
 //! Strong regularity of the solutions of complementarity problems.
 
-use super::error::check_finite;
 use super::natural::{Piece, pieces};
 use super::{ComplementarityError, Mcp, McpFunction};
+use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError, LinearSolver, symmetric_eigenvalues};
 use crate::piecewise::{
     Between, CertificateDoubt, ExactSigns, PiecewiseError, PiecewiseSmooth, Regularity, Selection,
@@ -64,7 +64,7 @@ pub(super) fn strong(
     tolerance: f64,
     cap: u64,
 ) -> Result<Regularity, ComplementarityError> {
-    check_finite("the point x", x, map.num_vars())?;
+    check_vector("the point x", x, map.num_vars())?;
     let active = active_set(map, x, tolerance);
     if let Some(&site) = active.outside().first() {
         return Ok(Regularity::Outside { site });

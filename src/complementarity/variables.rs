@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::ComplementarityError;
+use crate::InputError;
 use crate::words::LISTED;
 
 /// The variables of a problem in named blocks, each with its bounds, so that models need no arithmetic with indices.
@@ -227,11 +228,11 @@ impl Variables {
     pub fn view<'a, T>(&'a self, x: &'a [T]) -> Result<VariablesView<'a, T>, ComplementarityError> {
         let n = self.len();
         if x.len() != n && x.len() != n + 1 {
-            return Err(ComplementarityError::Length {
+            return Err(ComplementarityError::Input(InputError::Length {
                 what: "the vector of all variables",
                 expected: n,
                 found: x.len(),
-            });
+            }));
         }
         Ok(VariablesView { variables: self, x })
     }

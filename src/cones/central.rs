@@ -2,10 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use super::ConeError;
 use super::equations::{Map, Part};
 use super::interior::{Image, Interior};
 use super::run::{Run, TAIL};
+use crate::complementarity::ComplementarityError;
 use crate::linear::{Cholesky, LinearSolver};
 use crate::run::Status;
 use crate::sparse::{Matrix, Pattern, max_abs};
@@ -45,7 +45,7 @@ impl Image for Evaluated<'_> {
 }
 
 /// Whether M + Mᵀ is positive semidefinite, up to rounding.
-pub(super) fn is_monotone(matrix: &Matrix) -> Result<bool, ConeError> {
+pub(super) fn is_monotone(matrix: &Matrix) -> Result<bool, ComplementarityError> {
     let n = matrix.nrows();
     let shift = RESULT * max_abs(matrix.values());
     let mut entries: Vec<_> = (0..n).map(|i| (i, i, shift)).collect();
@@ -62,13 +62,13 @@ pub(super) fn is_monotone(matrix: &Matrix) -> Result<bool, ConeError> {
 
 impl Run<'_> {
     /// Whether F is affine and monotone up to rounding; ∇F must have been evaluated.
-    pub(super) fn is_monotone(&self) -> Result<bool, ConeError> {
+    pub(super) fn is_monotone(&self) -> Result<bool, ComplementarityError> {
         Ok(self.constant.is_some() && is_monotone(&self.jac)?)
     }
 
     /// Follows the central path from `start` until steps of the natural map end at a solution; `None` where they do not. The path leads
     /// there where F is monotone and some x has both x and F(x) in the interiors of their cones; solutions need not be unique.
-    pub(super) fn interior_points(&mut self, start: &[f64]) -> Result<Option<Status>, ConeError> {
+    pub(super) fn interior_points(&mut self, start: &[f64]) -> Result<Option<Status>, ComplementarityError> {
         self.x.copy_from_slice(start);
         if !self.evaluate()? {
             return Ok(None);

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::run::Run;
-use super::{Cone, ConeError, ConeProblem};
-use crate::complementarity::McpFunction;
+use super::{Cone, ConeProblem};
+use crate::complementarity::{ComplementarityError, McpFunction};
 use crate::linear::{LinearError, LinearSolver};
 use crate::sparse::{Pattern, max_abs, norm};
 
@@ -55,7 +55,10 @@ pub(super) fn mixed(parts: &[Part], rows: &Pattern) -> Vec<(usize, usize)> {
 const PER_ENTRY: f64 = 100.0;
 
 /// Refuses problems that take more memory than the limit, in bytes.
-pub(super) fn check_memory<F: McpFunction>(problem: &ConeProblem<F>, limit: u64) -> Result<(), ConeError> {
+pub(super) fn check_memory<F: McpFunction>(
+    problem: &ConeProblem<F>,
+    limit: u64,
+) -> Result<(), ComplementarityError> {
     let (n, pattern) = (problem.len() as f64, problem.function().pattern());
     let mut of_row = vec![0.0_f64; problem.len()];
     pattern.row_idx().iter().for_each(|&i| of_row[i] += 1.0);
@@ -71,7 +74,7 @@ pub(super) fn check_memory<F: McpFunction>(problem: &ConeProblem<F>, limit: u64)
     let (needed, limit) = (PER_ENTRY * each.sum::<f64>(), limit as f64);
     match needed <= limit {
         true => Ok(()),
-        false => Err(ConeError::Memory { needed, limit }),
+        false => Err(ComplementarityError::Memory { needed, limit }),
     }
 }
 
@@ -146,7 +149,7 @@ impl Run<'_> {
 
     /// The Newton step of the equations at x, with `proximal` times the identity (in units of F) added to ∇F; `false` where the system
     /// is singular.
-    pub(super) fn newton_step(&mut self, map: Map, proximal: f64) -> Result<bool, ConeError> {
+    pub(super) fn newton_step(&mut self, map: Map, proximal: f64) -> Result<bool, ComplementarityError> {
         self.map(map, false);
         self.system.clear();
         for part in &self.parts {

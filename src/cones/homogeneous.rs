@@ -9,8 +9,8 @@
 use std::ops::Range;
 
 use super::interior::{Image, Interior};
-use super::{Cone, ConeError, ConeProblem};
-use crate::complementarity::McpFunction;
+use super::{Cone, ConeProblem};
+use crate::complementarity::{ComplementarityError, McpFunction};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{Matrix, Pattern, dot, max_abs, norm};
 
@@ -77,8 +77,8 @@ pub(super) fn directions(
     problem: &ConeProblem<&dyn McpFunction>,
     (matrix, q): (&Matrix, &[f64]),
     proceed: &mut dyn FnMut() -> bool,
-    accept: &mut dyn FnMut(Vec<f64>) -> Result<bool, ConeError>,
-) -> Result<bool, ConeError> {
+    accept: &mut dyn FnMut(Vec<f64>) -> Result<bool, ComplementarityError>,
+) -> Result<bool, ComplementarityError> {
     let n = q.len();
     let blocks: Vec<(Cone, Range<usize>)> = problem.blocks().flat_map(split).collect();
     let dense = blocks.iter().flat_map(|(_, range)| {
@@ -150,7 +150,7 @@ fn settled(
     matrix: &Matrix,
     x: &[f64],
     part: f64,
-) -> Result<Option<Vec<f64>>, ConeError> {
+) -> Result<Option<Vec<f64>>, ComplementarityError> {
     let n = x.len();
     let largest = max_abs(x);
     let mut v: Vec<f64> = x.iter().map(|v| v / largest).collect();
@@ -177,7 +177,12 @@ fn settled(
 
 /// The least change of the entries `kept` of v after which the entries `zero` of Mᵀv vanish; `false` where
 /// its system is singular.
-fn correct(v: &mut [f64], matrix: &Matrix, kept: &[usize], zero: &[usize]) -> Result<bool, ConeError> {
+fn correct(
+    v: &mut [f64],
+    matrix: &Matrix,
+    kept: &[usize],
+    zero: &[usize],
+) -> Result<bool, ComplementarityError> {
     let (n, m) = (kept.len(), zero.len());
     let mut place = vec![None; v.len()];
     kept.iter().enumerate().for_each(|(k, &i)| place[i] = Some(k));

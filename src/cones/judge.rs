@@ -2,8 +2,9 @@
 
 use std::cell::OnceCell;
 
+use super::Cone;
 use super::run::Run;
-use super::{Cone, ConeError};
+use crate::complementarity::ComplementarityError;
 use crate::judge::{Columns, Parts};
 use crate::sparse::{max_abs, norm};
 use crate::tolerances::{ROUNDING, SUM};
@@ -14,7 +15,7 @@ const FLOOR: f64 = 1e-4;
 
 impl Run<'_> {
     /// Keeps the projection of x on K if it is the best point so far; returns whether it is a solution.
-    pub(super) fn judge(&mut self) -> Result<bool, ConeError> {
+    pub(super) fn judge(&mut self) -> Result<bool, ComplementarityError> {
         // `trial` is free between steps.
         self.trial.copy_from_slice(&self.x);
         self.problem.project(&mut self.x)?;

@@ -1,7 +1,8 @@
 use super::equations::{Part, check_memory, mixed, owners, parts};
 use super::options::MEMORY;
-use super::{Cone, ConeError, ConeProblem};
-use crate::complementarity::{McpFunction, Scratch};
+use super::{Cone, ConeProblem};
+use crate::complementarity::{ComplementarityError, McpFunction, Scratch};
+use crate::input::{check_options, positive};
 use crate::piecewise::Semismooth;
 use crate::sparse::{Matrix, Pattern};
 
@@ -101,7 +102,7 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     ///
     /// # Errors
     /// A pattern that is too large, more memory than 4 GiB.
-    pub fn natural(problem: &'a ConeProblem<F>) -> Result<Self, ConeError> {
+    pub fn natural(problem: &'a ConeProblem<F>) -> Result<Self, ComplementarityError> {
         Self::new(problem, Equations::Natural)
     }
 
@@ -109,7 +110,7 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     ///
     /// # Errors
     /// A pattern that is too large, more memory than 4 GiB.
-    pub fn normal(problem: &'a ConeProblem<F>) -> Result<Self, ConeError> {
+    pub fn normal(problem: &'a ConeProblem<F>) -> Result<Self, ComplementarityError> {
         Self::new(problem, Equations::Normal)
     }
 
@@ -117,7 +118,7 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     ///
     /// # Errors
     /// A pattern that is too large, more memory than 4 GiB.
-    pub fn fischer_burmeister(problem: &'a ConeProblem<F>) -> Result<Self, ConeError> {
+    pub fn fischer_burmeister(problem: &'a ConeProblem<F>) -> Result<Self, ComplementarityError> {
         Self::new(problem, Equations::FischerBurmeister { mu: 0.0, lambda: 1.0 })
     }
 
@@ -125,33 +126,21 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     ///
     /// # Errors
     /// λ out of range; a pattern that is too large, more memory than 4 GiB.
-    pub fn penalised(problem: &'a ConeProblem<F>, lambda: f64) -> Result<Self, ConeError> {
-        match lambda > 0.0 && lambda <= 1.0 {
-            true => Self::new(problem, Equations::FischerBurmeister { mu: 0.0, lambda }),
-            false => Err(ConeError::Option {
-                name: "lambda",
-                value: lambda,
-                range: "in (0, 1]",
-            }),
-        }
+    pub fn penalised(problem: &'a ConeProblem<F>, lambda: f64) -> Result<Self, ComplementarityError> {
+        check_options(&[("lambda", lambda, lambda > 0.0 && lambda <= 1.0, "in (0, 1]")])?;
+        Self::new(problem, Equations::FischerBurmeister { mu: 0.0, lambda })
     }
 
     /// x + F(x) − (x² + F(x)² + 2 μ² e)^½, μ > 0.
     ///
     /// # Errors
     /// μ out of range; a pattern that is too large, more memory than 4 GiB.
-    pub fn smoothed(problem: &'a ConeProblem<F>, mu: f64) -> Result<Self, ConeError> {
-        match mu > 0.0 && mu.is_finite() {
-            true => Self::new(problem, Equations::FischerBurmeister { mu, lambda: 1.0 }),
-            false => Err(ConeError::Option {
-                name: "mu",
-                value: mu,
-                range: "positive and finite",
-            }),
-        }
+    pub fn smoothed(problem: &'a ConeProblem<F>, mu: f64) -> Result<Self, ComplementarityError> {
+        check_options(&[positive("mu", mu)])?;
+        Self::new(problem, Equations::FischerBurmeister { mu, lambda: 1.0 })
     }
 
-    fn new(problem: &'a ConeProblem<F>, equations: Equations) -> Result<Self, ConeError> {
+    fn new(problem: &'a ConeProblem<F>, equations: Equations) -> Result<Self, ComplementarityError> {
         check_memory(problem, MEMORY)?;
         let n = problem.len();
         let (parts, entries, widest) = parts(problem);

@@ -8,7 +8,6 @@
 mod central;
 mod cone;
 mod equations;
-mod error;
 mod homogeneous;
 mod interior;
 mod jordan;
@@ -25,7 +24,6 @@ mod semidefinite;
 mod solver;
 
 pub use cone::Cone;
-pub use error::ConeError;
 pub(crate) use interior::{Image, Interior};
 #[cfg(test)]
 pub(crate) use jordan::jordan;

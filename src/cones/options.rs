@@ -1,6 +1,7 @@
 use std::time::Duration;
 
-use super::ConeError;
+use crate::InputError;
+use crate::input::check_options;
 use crate::options::setters;
 use crate::words::named;
 
@@ -76,7 +77,7 @@ pub struct ConeOptions {
     /// Largest wall-clock time. Default none.
     pub max_time: Option<Duration>,
     /// Largest memory in bytes: an estimate is compared with it before any of it is allocated
-    /// ([`ConeError::Memory`]). Default 4 GiB, where one second-order cone may have some 6 500 variables, and
+    /// ([`ComplementarityError::Memory`](crate::complementarity::ComplementarityError::Memory)). Default 4 GiB, where one second-order cone may have some 6 500 variables, and
     /// a semidefinite one the order 110.
     pub max_memory: u64,
 }
@@ -114,14 +115,17 @@ impl ConeOptions {
     ///
     /// # Errors
     /// A tolerance that is not between 2⁻⁵² and 1, an empty list of strategies.
-    pub fn validate(&self) -> Result<(), ConeError> {
-        let bad = |name, value, range| Err(ConeError::Option { name, value, range });
-        if !(f64::EPSILON..1.0).contains(&self.tolerance) {
-            return bad("tolerance", self.tolerance, "at least 2.3e-16 and less than 1");
-        }
-        if self.strategies.is_empty() {
-            return bad("strategies", 0.0, "a list of at least one strategy");
-        }
-        Ok(())
+    pub fn validate(&self) -> Result<(), InputError> {
+        let fine = (f64::EPSILON..1.0).contains(&self.tolerance);
+        let tries = !self.strategies.is_empty();
+        check_options(&[
+            (
+                "tolerance",
+                self.tolerance,
+                fine,
+                "at least 2.3e-16 and less than 1",
+            ),
+            ("strategies", 0.0, tries, "a list of at least one strategy"),
+        ])
     }
 }

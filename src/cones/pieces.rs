@@ -3,9 +3,9 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::problem::check_length;
-use super::{Cone, ConeError};
-use crate::complementarity::{McpFunction, Scratch};
+use super::Cone;
+use crate::complementarity::{ComplementarityError, McpFunction, Scratch};
+use crate::input::check_length;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, max_abs};
 use crate::tolerances::HALF_DIGITS;
@@ -107,19 +107,21 @@ impl<F: McpFunction> ConePieces<F> {
     /// # Errors
     /// No cones, a cone without variables, more variables than can be counted, F with another number of values or fewer variables than
     /// the cones, or a pattern of another shape; semidefinite cones, whose projection has no finite list of pieces.
-    pub fn new(function: F, cones: Vec<Cone>) -> Result<Self, ConeError> {
+    pub fn new(function: F, cones: Vec<Cone>) -> Result<Self, ComplementarityError> {
         let mut n = 0_usize;
         for (index, cone) in cones.iter().enumerate() {
             if cone.is_empty() {
-                return Err(ConeError::NoVariables { index });
+                return Err(ComplementarityError::EmptyCone { index });
             }
             if matches!(cone, Cone::Semidefinite(_)) {
-                return Err(ConeError::NoPieces { index });
+                return Err(ComplementarityError::NoPieces { index });
             }
-            n = n.checked_add(cone.len()).ok_or(ConeError::TooLarge { index })?;
+            n = n
+                .checked_add(cone.len())
+                .ok_or(ComplementarityError::TooManyVariables { index })?;
         }
         if n == 0 {
-            return Err(ConeError::Empty);
+            return Err(ComplementarityError::Empty);
         }
         check_length("F", function.num_values(), n)?;
         let vars = function.num_vars();

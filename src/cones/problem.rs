@@ -1,5 +1,6 @@
-use super::{Cone, ConeError};
-use crate::complementarity::McpFunction;
+use super::Cone;
+use crate::complementarity::{ComplementarityError, McpFunction};
+use crate::input::check_length;
 use crate::sparse::max_abs;
 
 /// The problem x ∈ K, F(x) ∈ K*, xᵀF(x) = 0 for K a product of cones, which partition x in order.
@@ -28,16 +29,18 @@ impl<F: McpFunction> ConeProblem<F> {
     /// # Errors
     /// No cones, a cone without variables, more variables than can be counted, F with other numbers of variables or values than K or a
     /// pattern of another shape.
-    pub fn new(function: F, cones: Vec<Cone>) -> Result<Self, ConeError> {
+    pub fn new(function: F, cones: Vec<Cone>) -> Result<Self, ComplementarityError> {
         let mut n = 0_usize;
         for (index, cone) in cones.iter().enumerate() {
             if cone.is_empty() {
-                return Err(ConeError::NoVariables { index });
+                return Err(ComplementarityError::EmptyCone { index });
             }
-            n = n.checked_add(cone.len()).ok_or(ConeError::TooLarge { index })?;
+            n = n
+                .checked_add(cone.len())
+                .ok_or(ComplementarityError::TooManyVariables { index })?;
         }
         if n == 0 {
-            return Err(ConeError::Empty);
+            return Err(ComplementarityError::Empty);
         }
         for (what, found) in [
             ("F", function.num_values()),
@@ -93,7 +96,7 @@ impl<F: McpFunction> ConeProblem<F> {
     ///
     /// # Errors
     /// x of the wrong length.
-    pub fn project(&self, x: &mut [f64]) -> Result<(), ConeError> {
+    pub fn project(&self, x: &mut [f64]) -> Result<(), ComplementarityError> {
         self.check("x", x.len())?;
         for (cone, range) in self.blocks() {
             cone.project(&mut x[range]);
@@ -105,7 +108,7 @@ impl<F: McpFunction> ConeProblem<F> {
     ///
     /// # Errors
     /// Wrong lengths.
-    pub fn natural_residual(&self, x: &[f64], out: &mut [f64]) -> Result<f64, ConeError> {
+    pub fn natural_residual(&self, x: &[f64], out: &mut [f64]) -> Result<f64, ComplementarityError> {
         self.check("x", x.len())?;
         self.check("out", out.len())?;
         self.natural_map(x, out);
@@ -125,18 +128,7 @@ impl<F: McpFunction> ConeProblem<F> {
         }
     }
 
-    pub(super) fn check(&self, what: &'static str, found: usize) -> Result<(), ConeError> {
-        check_length(what, found, self.len())
-    }
-}
-
-pub(super) fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), ConeError> {
-    match found == expected {
-        true => Ok(()),
-        false => Err(ConeError::Length {
-            what,
-            expected,
-            found,
-        }),
+    pub(super) fn check(&self, what: &'static str, found: usize) -> Result<(), ComplementarityError> {
+        Ok(check_length(what, found, self.len())?)
     }
 }

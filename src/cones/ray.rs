@@ -6,9 +6,9 @@ use super::central::is_monotone;
 use super::equations::{Part, check_memory};
 use super::homogeneous::directions;
 use super::run::{Run, between};
-use super::{Cone, ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay};
+use super::{Cone, ConeIteration, ConeOptions, ConeProblem, ConeRay};
 use crate::clock::Deadline;
-use crate::complementarity::{AffineFunction, McpFunction};
+use crate::complementarity::{AffineFunction, ComplementarityError, McpFunction};
 use crate::exact::Exact;
 use crate::sparse::{Matrix, dot, max_abs, norm};
 
@@ -32,7 +32,7 @@ pub(super) fn ray(
     search: &mut Search<'_>,
     (parts, block): (&[Part], &[usize]),
     x: &[f64],
-) -> Result<Option<ConeRay>, ConeError> {
+) -> Result<Option<ConeRay>, ComplementarityError> {
     let (matrix, q) = coefficients(problem, x);
     let mut members = vec![Vec::new(); parts.len()];
     let (mut place, mut owner) = (vec![0; x.len()], vec![0; x.len()]);
@@ -87,7 +87,7 @@ pub(super) fn ray_out_of_units(
     (matrix, q): (&Matrix, &[f64]),
     ray: ConeRay,
     (rows, columns): (&[f64], &[f64]),
-) -> Result<Option<ConeRay>, ConeError> {
+) -> Result<Option<ConeRay>, ComplementarityError> {
     let direction = ray.direction.iter().zip(rows).map(|(v, r)| v * r).collect();
     let Some(mut found) = certificate(problem, matrix, q, direction)? else {
         return Ok(None);
@@ -103,7 +103,7 @@ fn ray_of_block(
     problem: &ConeProblem<&dyn McpFunction>,
     search: &mut Search<'_>,
     x: &[f64],
-) -> Result<Option<ConeRay>, ConeError> {
+) -> Result<Option<ConeRay>, ComplementarityError> {
     let (matrix, q) = coefficients(problem, x);
     let (unit, size) = (max_abs(matrix.values()), max_abs(&q));
     if size == 0.0 {
@@ -141,7 +141,7 @@ fn least_ray(
     (matrix, unit): (&Matrix, f64),
     (q, size): (&[f64], f64),
     x: &[f64],
-) -> Result<Option<ConeRay>, ConeError> {
+) -> Result<Option<ConeRay>, ComplementarityError> {
     let n = x.len();
     // Conditions in (v, y, τ): v + M y + q τ ∈ K*, −Mᵀv ∈ K* and y ∈ K, −qᵀv − 1 = 0; where x is free, y is and Mᵀv = 0.
     let mut entries: Vec<(usize, usize, f64)> = (0..n).map(|i| (i, i, 1.0)).collect();
@@ -197,7 +197,7 @@ fn certificate(
     matrix: &Matrix,
     q: &[f64],
     mut v: Vec<f64>,
-) -> Result<Option<ConeRay>, ConeError> {
+) -> Result<Option<ConeRay>, ComplementarityError> {
     problem.project(&mut v)?;
     let value = dot(q, &v);
     if value >= 0.0 || value.is_nan() {

@@ -4,9 +4,9 @@ use std::ops::ControlFlow;
 
 use super::equations::{Map, Part, mixed, owners, parts};
 use super::ray::{Search, ray};
-use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStrategy};
+use super::{ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStrategy};
 use crate::clock::Deadline;
-use crate::complementarity::McpFunction;
+use crate::complementarity::{ComplementarityError, McpFunction};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::run::Status;
 use crate::sparse::{Matrix, Pattern, max_abs, pieces};
@@ -101,7 +101,7 @@ impl<'a> Run<'a> {
         options: &'a ConeOptions,
         deadline: Deadline<'static>,
         observe: &'a mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
-    ) -> Result<Self, ConeError> {
+    ) -> Result<Self, ComplementarityError> {
         let n = problem.len();
         let jac = Matrix::zeros(problem.function().pattern());
         let (parts, at, widest) = parts(problem);
@@ -172,7 +172,7 @@ impl<'a> Run<'a> {
         })
     }
 
-    pub(super) fn all_starts(&mut self, start: &[f64]) -> Result<Status, ConeError> {
+    pub(super) fn all_starts(&mut self, start: &[f64]) -> Result<Status, ComplementarityError> {
         self.best.copy_from_slice(start);
         self.problem.project(&mut self.best)?;
         let mut random = Random::new(1);
@@ -207,7 +207,7 @@ impl<'a> Run<'a> {
     }
 
     /// All strategies from the start, one after the other.
-    fn first_start(&mut self, start: &[f64]) -> Result<Status, ConeError> {
+    fn first_start(&mut self, start: &[f64]) -> Result<Status, ComplementarityError> {
         let monotone = self.evaluate()? && self.is_monotone()?;
         let mut outcome = Status::Stalled;
         for strategy in &self.options.strategies {
@@ -234,7 +234,7 @@ impl<'a> Run<'a> {
 
     /// Where interior points of a monotone problem have found no solution, a proof that there is none takes
     /// no longer than they did.
-    fn refute(&mut self, start: &[f64]) -> Result<Status, ConeError> {
+    fn refute(&mut self, start: &[f64]) -> Result<Status, ComplementarityError> {
         if self.inner {
             return Ok(Status::Stalled);
         }
@@ -262,7 +262,7 @@ impl<'a> Run<'a> {
     }
 
     /// Steps of the natural map from x.
-    fn newton(&mut self) -> Result<Status, ConeError> {
+    fn newton(&mut self) -> Result<Status, ComplementarityError> {
         if !self.evaluate()? {
             return Ok(self.not_finite());
         }
@@ -275,18 +275,18 @@ impl<'a> Run<'a> {
     }
 
     /// F and ∇F at x; `false` where they are not finite.
-    pub(super) fn evaluate(&mut self) -> Result<bool, ConeError> {
+    pub(super) fn evaluate(&mut self) -> Result<bool, ComplementarityError> {
         self.problem.function().value(&self.x, &mut self.f);
         self.add_proximal(false);
         self.differentiate()
     }
 
     /// ∇F at x, where F has been evaluated.
-    fn differentiate(&mut self) -> Result<bool, ConeError> {
+    fn differentiate(&mut self) -> Result<bool, ComplementarityError> {
         self.jac.clear();
         self.problem.function().jacobian(&self.x, &mut self.jac);
         if let Some((row, col)) = self.jac.stray() {
-            return Err(ConeError::OutsidePattern { row, col });
+            return Err(ComplementarityError::OutsidePattern { row, col });
         }
         Ok(self.f.iter().chain(self.jac.values()).all(|v| v.is_finite()))
     }
@@ -320,7 +320,7 @@ impl<'a> Run<'a> {
     }
 
     /// Solutions of F(x) + w (x − x_k) one after the other, w → 0.
-    fn proximal_points(&mut self, start: &[f64]) -> Result<Status, ConeError> {
+    fn proximal_points(&mut self, start: &[f64]) -> Result<Status, ComplementarityError> {
         self.x.copy_from_slice(start);
         let mut weight = WEIGHT;
         for _ in 0..OUTER {
@@ -379,7 +379,7 @@ impl<'a> Run<'a> {
     }
 
     /// One run from x.
-    fn descend(&mut self) -> Result<Status, ConeError> {
+    fn descend(&mut self) -> Result<Status, ComplementarityError> {
         if !self.evaluate()? {
             return Ok(self.not_finite());
         }
@@ -428,7 +428,7 @@ impl<'a> Run<'a> {
     }
 
     /// A step that reduces ‖Φ_μ‖, by line search along Newton directions with more and more regularisation; returns its length.
-    fn search(&mut self, merit: &mut f64, mu: f64) -> Result<Option<f64>, ConeError> {
+    fn search(&mut self, merit: &mut f64, mu: f64) -> Result<Option<f64>, ComplementarityError> {
         let map = Map::Smoothed(mu);
         self.kept_f.copy_from_slice(&self.f);
         for proximal in PROXIMAL {
@@ -463,7 +463,7 @@ impl<'a> Run<'a> {
     }
 
     /// Full steps of the natural map from x, as long as they converge; `None`, with x restored, where they do not.
-    pub(super) fn tail(&mut self) -> Result<Option<ControlFlow<()>>, ConeError> {
+    pub(super) fn tail(&mut self) -> Result<Option<ControlFlow<()>>, ComplementarityError> {
         self.kept_x.copy_from_slice(&self.x);
         let (mut last, mut least) = (f64::INFINITY, f64::INFINITY);
         let mut worse = 0;

@@ -4,7 +4,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 use nalgebra::{DMatrix, DVector};
 
-use super::ConeError;
+use crate::InputError;
+use crate::complementarity::ComplementarityError;
 use crate::linear::SWEEPS;
 use crate::sparse::max_abs;
 use crate::tolerances::SUM;
@@ -16,23 +17,23 @@ const SEPARATE: f64 = 1e-4;
 /// scalar product of two such vectors is the trace of the product of the matrices. Only the upper triangle is read.
 ///
 /// # Errors
-/// [`ConeError::Length`] for a row that is not as long as the matrix has rows.
+/// [`InputError::Length`] for a row that is not as long as the matrix has rows.
 ///
 /// ```
 /// use semismooth::cones::{svec, smat};
 /// let x = svec(&[[2.0, -1.0], [-1.0, 3.0]])?;
 /// assert_eq!(x, [2.0, -std::f64::consts::SQRT_2, 3.0]);
 /// assert!((smat(&x)?[1][0] + 1.0).abs() < 1e-15);
-/// # Ok::<(), semismooth::cones::ConeError>(())
+/// # Ok::<(), semismooth::complementarity::ComplementarityError>(())
 /// ```
-pub fn svec<R: AsRef<[f64]>>(rows: &[R]) -> Result<Vec<f64>, ConeError> {
+pub fn svec<R: AsRef<[f64]>>(rows: &[R]) -> Result<Vec<f64>, ComplementarityError> {
     let order = rows.len();
     if let Some(row) = rows.iter().find(|r| r.as_ref().len() != order) {
-        return Err(ConeError::Length {
+        return Err(ComplementarityError::Input(InputError::Length {
             what: "a row of the symmetric matrix",
             expected: order,
             found: row.as_ref().len(),
-        });
+        }));
     }
     let entry = |(i, j): (usize, usize)| rows[i].as_ref()[j] * weight(i, j);
     Ok(triangle(order).map(entry).collect())
@@ -41,18 +42,18 @@ pub fn svec<R: AsRef<[f64]>>(rows: &[R]) -> Result<Vec<f64>, ConeError> {
 /// The rows of the symmetric matrix of a vector as [`svec`] makes it.
 ///
 /// # Errors
-/// [`ConeError::Length`] where the length is not k (k + 1)/2 for some order k.
-pub fn smat(x: &[f64]) -> Result<Vec<Vec<f64>>, ConeError> {
+/// [`InputError::Length`] where the length is not k (k + 1)/2 for some order k.
+pub fn smat(x: &[f64]) -> Result<Vec<Vec<f64>>, ComplementarityError> {
     let order = (0..)
         .take_while(|k| k * (k + 1) / 2 <= x.len())
         .last()
         .unwrap_or(0);
     if order * (order + 1) / 2 != x.len() {
-        return Err(ConeError::Length {
+        return Err(ComplementarityError::Input(InputError::Length {
             what: "the vector of a symmetric matrix of the next larger order",
             expected: (order + 1) * (order + 2) / 2,
             found: x.len(),
-        });
+        }));
     }
     let mut rows = vec![vec![0.0; order]; order];
     for ((i, j), v) in triangle(order).zip(x) {

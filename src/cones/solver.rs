@@ -5,9 +5,10 @@ use super::central::is_monotone;
 use super::equations::{check_memory, owners, parts};
 use super::ray::{Search, coefficients, ray, ray_out_of_units};
 use super::run::{Run, between};
-use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay, ConeReport};
+use super::{ConeIteration, ConeOptions, ConeProblem, ConeRay, ConeReport};
 use crate::clock::Deadline;
-use crate::complementarity::{AffineFunction, InUnits, McpFunction};
+use crate::complementarity::{AffineFunction, ComplementarityError, InUnits, McpFunction};
+use crate::input::check_finite;
 use crate::judge::{Sizes, Units};
 use crate::run::Status;
 use crate::sparse::{Matrix, Pattern, dot, max_abs, norm};
@@ -46,7 +47,7 @@ impl ConeSolver {
         &self,
         problem: &ConeProblem<F>,
         x: &mut [f64],
-    ) -> Result<ConeReport, ConeError> {
+    ) -> Result<ConeReport, ComplementarityError> {
         self.solve_observed(problem, x, |_| ControlFlow::Continue(()))
     }
 
@@ -60,13 +61,10 @@ impl ConeSolver {
         problem: &ConeProblem<F>,
         x: &mut [f64],
         mut observe: impl FnMut(&ConeIteration) -> ControlFlow<()>,
-    ) -> Result<ConeReport, ConeError> {
+    ) -> Result<ConeReport, ComplementarityError> {
         self.options.validate()?;
         problem.check("the start", x.len())?;
-        if let Some(index) = x.iter().position(|v| !v.is_finite()) {
-            let value = x[index];
-            return Err(ConeError::NotFinite { index, value });
-        }
+        check_finite("the start", x)?;
         check_memory(problem, self.options.max_memory)?;
         let counted = Counted::new(problem.function());
         let problem = ConeProblem::new(&counted as &dyn McpFunction, problem.cones().to_vec())?;
@@ -84,7 +82,7 @@ impl ConeSolver {
         problem: &ConeProblem<&dyn McpFunction>,
         x: &mut [f64],
         observe: &mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
-    ) -> Result<ConeReport, ConeError> {
+    ) -> Result<ConeReport, ComplementarityError> {
         let (matrix, q) = coefficients(problem, x);
         let Some((rows, columns)) = units(problem, &matrix, &q)? else {
             return self.run(problem, x, observe);
@@ -110,7 +108,7 @@ impl ConeSolver {
         problem: &ConeProblem<&dyn McpFunction>,
         x: &mut [f64],
         observe: &mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
-    ) -> Result<ConeReport, ConeError> {
+    ) -> Result<ConeReport, ComplementarityError> {
         let deadline = Deadline::after(self.options.max_time);
         let mut run = Run::new(problem, &self.options, deadline, observe)?;
         let status = run.all_starts(x)?;
@@ -165,7 +163,7 @@ fn units(
     problem: &ConeProblem<&dyn McpFunction>,
     matrix: &Matrix,
     q: &[f64],
-) -> Result<Option<Factors>, ConeError> {
+) -> Result<Option<Factors>, ComplementarityError> {
     let parts = parts(problem).0;
     let owner = owners(&parts);
     let mut found = Units::default();
@@ -230,7 +228,10 @@ fn refutes(ray: &ConeRay, f: &[f64]) -> bool {
 /// Whether there seems to be a solution where v begins to prove nothing. The nearest point of K with vᵀF(x) = 0 is x = y/‖y‖² with the
 /// projection y of Mᵀv. Where y is rounding, F is anything there; where M is nearly singular in earnest, F(x) is nearly in K* and orthogonal
 /// to x, in the cones that v is about.
-fn ends_at_solution(ray: &ConeRay, problem: &ConeProblem<&dyn McpFunction>) -> Result<bool, ConeError> {
+fn ends_at_solution(
+    ray: &ConeRay,
+    problem: &ConeProblem<&dyn McpFunction>,
+) -> Result<bool, ComplementarityError> {
     if ray.radius == f64::INFINITY {
         return Ok(false);
     }

@@ -2,9 +2,10 @@ use std::sync::Arc;
 
 use super::balance::{free_motion, largest, random_start};
 use super::displacements::floating_piece;
-use super::error::check_length;
 use super::{ContactError, check_multipliers};
+use crate::InputError;
 use crate::clock::Until;
+use crate::input::{check_length, check_vector};
 use crate::interface::{LoadPath, Operator};
 use crate::linear::{Cholesky, Condensation, LinearSolver};
 use crate::sparse::{Matrix, NodalMatrix, check_nodes, pieces};
@@ -130,7 +131,7 @@ impl ContactBody {
             ("the normal compliance", normal),
             ("the tangential compliance", tangential),
         ] {
-            check_length(what, list, p)?;
+            check_vector(what, list, p)?;
             if let Some(node) = list.iter().position(|c| *c < 0.0) {
                 return Err(ContactError::Invalid {
                     what: format!("{what} of node {node} is {}; it must not be negative", list[node]),
@@ -169,13 +170,7 @@ impl ContactBody {
         displacements: &[[usize; 2]],
     ) -> Result<Self, ContactError> {
         let n = self.num_displacements();
-        if displacements.len() != n {
-            return Err(ContactError::Length {
-                what: "the list of nodes of displacements",
-                expected: n,
-                found: displacements.len(),
-            });
-        }
+        check_length("the list of nodes of displacements", displacements.len(), n)?;
         check_nodes(&points, displacements, 1 + self.num_tangents())?;
         let displacements = displacements.to_vec();
         self.nodes = Some(Arc::new(Nodes {
@@ -190,7 +185,7 @@ impl ContactBody {
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn with_gap(mut self, gap: Vec<f64>) -> Result<Self, ContactError> {
-        check_length("the gap", &gap, self.num_contacts())?;
+        check_vector("the gap", &gap, self.num_contacts())?;
         Arc::make_mut(&mut self.operator).set_sizes(&gap);
         self.gap = gap;
         Ok(self)
@@ -441,13 +436,13 @@ pub(super) fn check_matrices(a: &Matrix, traces: &[&Matrix]) -> Result<(), Conta
     let traces = NAMES.into_iter().zip(traces).map(|(what, m)| (what, *m, p));
     for (what, matrix, rows) in std::iter::once(("the stiffness matrix A", a, n)).chain(traces) {
         if matrix.nrows() != rows || matrix.ncols() != n {
-            return Err(ContactError::Shape {
+            return Err(ContactError::Input(InputError::Shape {
                 what,
                 rows,
                 cols: n,
                 found_rows: matrix.nrows(),
                 found_cols: matrix.ncols(),
-            });
+            }));
         }
         matrix
             .check_finite()

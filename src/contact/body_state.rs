@@ -1,10 +1,10 @@
 //! Displacements, forces and energies of the whole body at a solution.
 
-use super::error::check_length;
 use super::law::NodeLaw;
 use super::rounding::blurred_load;
 use super::solution::{imbalance, judge};
 use super::{Contact, ContactError, ContactSolution};
+use crate::input::check_vector;
 use crate::interface::{SupportState, View};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{Matrix, dot};
@@ -15,7 +15,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn solution(&self, x: &[f64]) -> Result<ContactSolution, ContactError> {
-        check_length("the solution x", x, self.num_vars())?;
+        check_vector("the solution x", x, self.num_vars())?;
         let state = BodyState::at(self, x)?;
         let mut reaction = vec![0.0; state.u.len()];
         let forces = &x[self.leading()..self.num_residuals()];

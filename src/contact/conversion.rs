@@ -1,8 +1,8 @@
 //! Contact problems in Delassus form.
 
-use super::error::{check_finite, check_length};
 use super::law::{LocalValues, NodeLaw};
 use super::{CondensedContact, ContactError, DelassusProblem};
+use crate::input::{check_finite, check_vector};
 use crate::sparse::{Matrix, Pattern};
 
 impl<L: NodeLaw> CondensedContact<L> {
@@ -38,7 +38,7 @@ impl<L: NodeLaw> CondensedContact<L> {
             };
             load[place(k)] = sign(k) * (free[k] - at_rest);
         }
-        Ok(DelassusProblem::new(blocks, matrix, load, friction)?)
+        DelassusProblem::new(blocks, matrix, load, friction)
     }
 
     /// The point x = (λν, λt, α) of reactions r of the Delassus form.
@@ -47,7 +47,7 @@ impl<L: NodeLaw> CondensedContact<L> {
     /// As [`delassus`](Self::delassus); wrong length, values that are not finite.
     pub fn point_of_reactions(&self, alpha: f64, r: &[f64]) -> Result<Vec<f64>, ContactError> {
         let (p, q, blocks) = (self.num_contacts(), self.num_traces(), self.law().directions());
-        check_length("the reactions", r, q)?;
+        check_vector("the reactions", r, q)?;
         check_finite("alpha", &[alpha])?;
         let (_, scale) = self.delassus_scale(alpha)?;
         let force = |k: usize| scale[k] * r[(k % p) * blocks + k / p];

@@ -1,42 +1,43 @@
 use thiserror::Error;
 
 use crate::Cause;
-use crate::interface::{InterfaceError, LENGTH};
+use crate::InputError;
 use crate::linear::LinearError;
 use crate::newton::NewtonError;
-use crate::piecewise::PiecewiseError;
-use crate::run::Status;
+use crate::piecewise::{PiecewiseError, carries_maps};
 use crate::sensitivity::SensitivityError;
-use crate::sparse::SparseError;
 
 /// What can be wrong with a contact problem.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ContactError {
-    /// A matrix has the wrong shape.
-    #[error("{what} is {found_rows} x {found_cols}, expected {rows} x {cols}")]
-    Shape {
-        /// Which matrix.
-        what: &'static str,
-        /// Rows expected.
-        rows: usize,
-        /// Columns expected.
-        cols: usize,
-        /// Rows given.
-        found_rows: usize,
-        /// Columns given.
-        found_cols: usize,
-    },
-    /// A vector has the wrong length.
-    #[error("{what} has length {found}, expected {expected}")]
-    Length {
-        /// Which vector.
-        what: &'static str,
-        /// Length expected.
-        expected: usize,
-        /// Length given.
+    /// The space has neither two nor three dimensions.
+    #[error("dimension {found}: contacts live in the plane (2) or in space (3)")]
+    Dimension {
+        /// The dimension given.
         found: usize,
     },
+    /// A coefficient of friction is negative.
+    #[error("the coefficient of friction of contact {contact} is {value}; it must not be negative")]
+    NegativeCoefficient {
+        /// The contact, from 0.
+        contact: usize,
+        /// Its coefficient.
+        value: f64,
+    },
+    /// A diagonal entry of M is negative, so that a push at a contact makes it move against the push.
+    #[error(
+        "M[{index}, {index}] = {value} is negative; a Delassus matrix is positive semidefinite: check signs and block order"
+    )]
+    NegativeDiagonal {
+        /// Row and column, from 0.
+        index: usize,
+        /// The entry.
+        value: f64,
+    },
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// Derivatives of a solution in parameters.
     #[error(transparent)]
     Sensitivity(Box<SensitivityError>),
@@ -46,23 +47,13 @@ pub enum ContactError {
         /// What is missing.
         what: &'static str,
     },
-    /// A value is NaN or infinite.
-    #[error("{what}[{index}] = {value} is not finite")]
-    NotFinite {
-        /// Which vector.
-        what: &'static str,
-        /// Position, from 0.
-        index: usize,
-        /// The value.
-        value: f64,
-    },
     /// A matrix entry is NaN or infinite.
     #[error("{what}: {source}")]
     Matrix {
         /// Which matrix.
         what: &'static str,
         /// The entry.
-        source: SparseError,
+        source: InputError,
     },
     /// The augmentation parameter r is too far from the one chosen from the stiffness of the contact nodes, or not positive.
     #[error(
@@ -99,18 +90,6 @@ pub enum ContactError {
         /// The parameter α.
         parameter: f64,
     },
-    /// The stiffness matrix is not symmetric, so that it cannot be condensed by Cholesky.
-    #[error(
-        "the stiffness matrix is not symmetric: entries ({row}, {col}) and ({col}, {row}) differ by {difference:e}; use the full form"
-    )]
-    NotSymmetric {
-        /// Row, from 0.
-        row: usize,
-        /// Column, from 0.
-        col: usize,
-        /// |a_ij − a_ji|.
-        difference: f64,
-    },
     /// A Lamé coefficient is not positive.
     #[error("Lamé coefficient {name} = {value} must be positive", name = ["lambda", "mu"][(*index).min(1)])]
     Modulus {
@@ -118,16 +97,6 @@ pub enum ContactError {
         index: usize,
         /// Its value.
         value: f64,
-    },
-    /// An option is out of its range.
-    #[error("option {name} = {value} is out of range; it must be {range}")]
-    Option {
-        /// Name of the field.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// The range.
-        range: &'static str,
     },
     /// A curve of the coefficient of friction, a given bound, an area or a range of slips is malformed.
     #[error("{what}")]
@@ -207,23 +176,13 @@ pub enum ContactError {
         /// Limit set in the options, in bytes.
         limit: u64,
     },
-    /// Contact in the displacements alone found no solution.
+    /// Contact in the displacements alone found no solution, or ended early: the status of the report says why.
     #[error(
-        "no solution found in {}: relative residuals of equilibrium {:e}, of the normal law {:e}, of friction {:e} at the best iterate",
-        crate::words::Count(.best.iterations.len(), "step", "steps"),
+        "no solution found in {}, {}: relative residuals of equilibrium {:e}, of the normal law {:e}, of friction {:e} at the best iterate",
+        crate::words::Count(.best.iterations.len(), "step", "steps"), .best.status,
         .best.residuals.equilibrium, .best.residuals.normal, .best.residuals.tangential
     )]
     NotConverged {
-        /// The best iterate, with its history.
-        best: Box<super::ReducedReport>,
-    },
-    /// A search in the displacements was stopped by its observer or by the time limit.
-    #[error(
-        "stopped after {}, by an observer or at the limit on time (max_time): relative residuals of equilibrium {:e}, of the normal law {:e}, of friction {:e} at the best iterate",
-        crate::words::Count(.best.iterations.len(), "step", "steps"),
-        .best.residuals.equilibrium, .best.residuals.normal, .best.residuals.tangential
-    )]
-    Interrupted {
         /// The best iterate, with its history.
         best: Box<super::ReducedReport>,
     },
@@ -293,9 +252,6 @@ pub enum ContactError {
         "the coefficients of friction depend on the slip, which is measured anew in each level, and the law has no history: they would depend on the number of levels; give the law a history, or choose increments of slip (`with_slip_increments`)"
     )]
     SlipOfLevels,
-    /// The Delassus form is malformed.
-    #[error(transparent)]
-    Delassus(#[from] super::DelassusError),
     /// No first point was found.
     #[error("no solution found at parameter {parameter}: {source}")]
     NoStart {
@@ -314,14 +270,13 @@ pub enum ContactError {
     },
     /// A failure in the evaluation of the map.
     #[error(transparent)]
-    Map(#[from] PiecewiseError),
+    Map(PiecewiseError),
     /// A failure in linear algebra.
     #[error(transparent)]
     Linear(#[from] LinearError),
-    /// A file could not be read.
-    #[error(transparent)]
-    File(#[from] SparseError),
 }
+
+carries_maps!(ContactError);
 
 impl From<SensitivityError> for ContactError {
     fn from(error: SensitivityError) -> Self {
@@ -329,62 +284,16 @@ impl From<SensitivityError> for ContactError {
     }
 }
 
-impl From<InterfaceError> for ContactError {
-    fn from(error: InterfaceError) -> Self {
-        match error {
-            InterfaceError::Size {
-                what,
-                expected,
-                found,
-            } => Self::Length {
-                what: what.strip_prefix(LENGTH).unwrap_or(what),
-                expected,
-                found,
-            },
-            InterfaceError::NotFinite { what, index, value } => Self::NotFinite { what, index, value },
-            InterfaceError::NotSymmetric { row, col, difference } => {
-                Self::NotSymmetric { row, col, difference }
-            }
-            InterfaceError::Map(e) => Self::Map(e),
-            InterfaceError::Linear(e) => Self::Linear(e),
-            InterfaceError::Matrix(e) => Self::File(e),
-        }
-    }
-}
-
 impl ContactError {
     /// Whether a search was stopped, by its observer or by the time limit.
     #[must_use]
     pub fn is_interrupted(&self) -> bool {
-        let Self::NoStart { source, .. } = self else {
-            return false;
-        };
-        matches!(
-            &**source,
-            NewtonError::Failed(unsolved) if matches!(unsolved.status, Status::Interrupted | Status::TimeLimit)
-        )
-    }
-}
-
-pub(super) fn check_finite(what: &'static str, v: &[f64]) -> Result<(), ContactError> {
-    match v.iter().position(|x| !x.is_finite()) {
-        Some(index) => Err(ContactError::NotFinite {
-            what,
-            index,
-            value: v[index],
-        }),
-        None => Ok(()),
-    }
-}
-
-pub(super) fn check_length(what: &'static str, v: &[f64], expected: usize) -> Result<(), ContactError> {
-    if v.len() == expected {
-        check_finite(what, v)
-    } else {
-        Err(ContactError::Length {
-            what,
-            expected,
-            found: v.len(),
-        })
+        match self {
+            Self::NotConverged { best } => best.status.is_early(),
+            Self::NoStart { source, .. } => {
+                matches!(&**source, NewtonError::Failed(unsolved) if unsolved.status.is_early())
+            }
+            _ => false,
+        }
     }
 }

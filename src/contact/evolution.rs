@@ -7,9 +7,11 @@ use super::body_state::BodyState;
 use super::law::NodeLaw;
 use super::rounding::SOLVED;
 use super::{Contact, ContactError, ContactOptions, ContactProgress, ContactSolution};
+use crate::InputError;
 use crate::continuation::{
     Branch, Continuation, ContinuationError, ContinuationOptions, Direction, Event, Termination,
 };
+use crate::input::{check_finite, check_vector};
 use crate::interface::View;
 use crate::options::setters;
 use crate::piecewise::PiecewiseSmooth;
@@ -64,14 +66,10 @@ impl EvolutionOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`ContactError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), ContactError> {
-        match self.continuation.validate() {
-            Err(ContinuationError::Option { name, value, range }) => {
-                Err(ContactError::Option { name, value, range })
-            }
-            _ => self.contact.validate(),
-        }
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        self.continuation.validate()?;
+        self.contact.validate()
     }
 }
 
@@ -282,8 +280,8 @@ fn evolve_told<V: View, L: NodeLaw>(
     if problem.node_law().depends_on_slip() && !options.slip_increments {
         return Err(ContactError::SlipOfLevels);
     }
-    super::error::check_finite("the list of load levels", levels)?;
-    super::error::check_length("the solution x", start, problem.num_vars())?;
+    check_finite("the list of load levels", levels)?;
+    check_vector("the solution x", start, problem.num_vars())?;
     let p = problem.num_contacts();
     let mut x = start.to_vec();
     if options.slip_increments {
@@ -393,7 +391,7 @@ type Tangential = ([f64; 2], [f64; 2]);
 
 impl ContactForces {
     fn at<V: View, L: NodeLaw>(problem: &Contact<V, L>, x: &[f64]) -> Result<Self, ContactError> {
-        super::error::check_length("the solution x", x, problem.num_vars())?;
+        check_vector("the solution x", x, problem.num_vars())?;
         let nodes = problem.nodes(x).into_iter();
         Ok(Self(nodes.map(|v| (v.traction, v.slip)).collect()))
     }

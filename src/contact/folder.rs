@@ -1,29 +1,21 @@
 //! Discrete problems from folders written by other programs.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::body::check_matrices;
 use super::{ContactBody, ContactError, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use crate::Cause;
-use crate::sparse::{Announced, Matrix, SparseError, read_matrix_if, read_vector};
+use crate::InputError;
+use crate::input::check_length;
+use crate::sparse::{Announced, Matrix, read_matrix_if, read_vector};
 
-/// A discrete problem read from a folder, with the load f(γ) = (1 − γ) f₀ + γ f₁.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct DiscreteFolder {
-    /// The folder.
-    pub path: PathBuf,
-    /// The problem.
-    pub problem: FullContact<PlanarCoulomb>,
-}
-
-/// Reads a folder with `A.mtx`, `Bnu.mtx`, `Bt.mtx` (MatrixMarket), `f0.txt`, `f1.txt`, `gap.txt` (one number a line) and
+/// Reads a discrete problem with the load f(γ) = (1 − γ) f₀ + γ f₁ from a folder with `A.mtx`, `Bnu.mtx`, `Bt.mtx` (MatrixMarket), `f0.txt`, `f1.txt`, `gap.txt` (one number a line) and
 /// `meta.json` with the numbers `friction` (one for all nodes, or a list) and, if it is to be set, `r`.
 ///
 /// # Errors
 /// Files that are missing or malformed (file and line are named), matrices with fewer entries than rows, and everything
 /// [`ContactBody::new`] checks. Memory is proportional to the number of bytes read.
-pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactError> {
+pub fn read_folder(path: impl AsRef<Path>) -> Result<FullContact<PlanarCoulomb>, ContactError> {
     let folder = path.as_ref();
     let a = read(&folder.join("A.mtx"), None, 0)?;
     let bnu = read(&folder.join("Bnu.mtx"), None, a.nrows())?;
@@ -32,12 +24,12 @@ pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactErro
     check_matrices(&a, &[&bnu, &bt])?;
     let p = bnu.nrows();
     let meta_path = folder.join("meta.json");
-    let text = std::fs::read_to_string(&meta_path).map_err(|e| SparseError::Io {
+    let text = std::fs::read_to_string(&meta_path).map_err(|e| InputError::Io {
         path: meta_path.clone(),
         source: e.into(),
     })?;
     let malformed = |line: usize, what: String, source: Option<Cause>| {
-        ContactError::File(SparseError::Parse {
+        ContactError::Input(InputError::Parse {
             path: meta_path.clone(),
             line,
             what,
@@ -65,13 +57,7 @@ pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactErro
     };
     let f0 = read_vector(folder.join("f0.txt"))?;
     let f1 = read_vector(folder.join("f1.txt"))?;
-    if f0.len() != f1.len() {
-        return Err(ContactError::Length {
-            what: "the load f1",
-            expected: f0.len(),
-            found: f1.len(),
-        });
-    }
+    check_length("the load f1", f1.len(), f0.len())?;
     let gap_path = folder.join("gap.txt");
     let gap = if gap_path.exists() {
         read_vector(gap_path)?
@@ -79,22 +65,12 @@ pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactErro
         vec![0.0; p]
     };
     let body = ContactBody::new(a, bnu, vec![bt], LoadPath::between(f0, f1))?.with_gap(gap)?;
-    if friction.len() != p {
-        return Err(ContactError::Length {
-            what: "the list of coefficients of friction",
-            expected: p,
-            found: friction.len(),
-        });
-    }
+    check_length("the list of coefficients of friction", friction.len(), p)?;
     let problem = FullContact::new(body, PlanarCoulomb::new(FrictionCoefficient::nodal(friction)?))?;
-    let problem = match r {
-        Some(r) => problem.with_r(r)?,
-        None => problem,
-    };
-    Ok(DiscreteFolder {
-        path: folder.to_path_buf(),
-        problem,
-    })
+    match r {
+        Some(r) => problem.with_r(r),
+        None => Ok(problem),
+    }
 }
 
 /// Reads a matrix and refuses more rows than entries (or than the number given) and more columns than A has, so that memory stays

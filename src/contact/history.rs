@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use super::error::check_length;
 use super::law::NodeLaw;
 use super::{Contact, ContactChange, ContactError, ContactParameters, ContactSensitivity};
+use crate::input::{check_length, check_vector};
 use crate::interface::View;
-use crate::piecewise::{PiecewiseSmooth, check_vector};
+use crate::piecewise::PiecewiseSmooth;
 use crate::sensitivity::SensitivityError;
 
 /// The states of a [history](super::evolve) as functions of parameters: made by [`Contact::history_sensitivity`].
@@ -72,18 +72,16 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
             });
         }
         for x in states {
-            check_length("a state of the history", x, self.num_vars())?;
+            check_vector("a state of the history", x, self.num_vars())?;
         }
         let lengths = [(states.len(), parameters.len())];
         let numbers = parameters.iter().map(|own| (parameters[0].len(), own.len()));
         for (expected, found) in lengths.into_iter().chain(numbers) {
-            if expected != found {
-                return Err(ContactError::Length {
-                    what: "the list of parameters of the levels, or one of them,",
-                    expected,
-                    found,
-                });
-            }
+            check_length(
+                "the list of parameters of the levels, or one of them,",
+                found,
+                expected,
+            )?;
         }
         let found = self.node_law().num_history();
         if found > 0 {

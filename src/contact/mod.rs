@@ -35,18 +35,17 @@ pub use body::ContactBody;
 #[cfg(feature = "json")]
 pub use delassus::read_delassus;
 pub use delassus::{
-    DelassusError, DelassusIteration, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport,
-    DelassusSolver,
+    DelassusIteration, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport, DelassusSolver,
 };
 pub use displacements::{
-    KrylovObserver, KrylovOutcome, ReducedBody, ReducedContact, ReducedError, ReducedIteration, ReducedLevel,
-    ReducedNodes, ReducedObserver, ReducedOptions, ReducedProgress, ReducedReport, ReducedSensitivity,
-    ReducedStep, ReducedStrategy, ReducedSystem, ReducedTimes, solve_reduced, solve_reduced_observed,
+    KrylovObserver, ReducedBody, ReducedContact, ReducedError, ReducedIteration, ReducedLevel, ReducedNodes,
+    ReducedObserver, ReducedOptions, ReducedProgress, ReducedReport, ReducedSensitivity, ReducedStep,
+    ReducedSystem, ReducedTimes, solve_reduced, solve_reduced_observed,
 };
 pub use error::ContactError;
 pub use evolution::{Arrival, EvolutionOptions, EvolutionProgress, EvolutionStep, evolve, evolve_observed};
 #[cfg(feature = "json")]
-pub use folder::{DiscreteFolder, read_folder};
+pub use folder::read_folder;
 pub use forms::{ContactEquilibrium, ContactForm, ContactProblem};
 pub use history::HistorySensitivity;
 pub use law::{

@@ -3,10 +3,11 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::error::check_finite;
 use super::law::{NodeLaw, check_law};
 use super::{ContactError, ReducedContact};
+use crate::InputError;
 use crate::contact::Contact;
+use crate::input::{check_finite, check_length};
 use crate::interface::View;
 use crate::sparse::Matrix;
 
@@ -138,13 +139,7 @@ impl ContactParameters {
         let k = forces.ncols();
         if let Some(traces) = traces {
             self.check("the columns of traces", traces, self.sizes[1] * self.sizes[2])?;
-            if traces.ncols() != k {
-                return Err(ContactError::Length {
-                    what: "the list of columns of traces",
-                    expected: k,
-                    found: traces.ncols(),
-                });
-            }
+            check_length("the list of columns of traces", traces.ncols(), k)?;
             let columns = traces.triplets().map(|(i, j, t)| (i, self.count + j, t));
             self.traces.extend(columns);
         }
@@ -171,15 +166,15 @@ impl ContactParameters {
 
     fn check(&self, what: &'static str, columns: &Matrix, rows: usize) -> Result<(), ContactError> {
         if columns.nrows() != rows {
-            return Err(ContactError::Shape {
+            return Err(ContactError::Input(InputError::Shape {
                 what,
                 rows,
                 cols: columns.ncols(),
                 found_rows: columns.nrows(),
                 found_cols: columns.ncols(),
-            });
+            }));
         }
-        check_finite(what, columns.values())
+        Ok(check_finite(what, columns.values())?)
     }
 
     /// Whether these are parameters of a problem of that size.
@@ -190,13 +185,7 @@ impl ContactParameters {
             "the list of directions of the parameters",
         ];
         for ((what, expected), found) in WHAT.into_iter().zip(sizes).zip(self.sizes) {
-            if expected != found {
-                return Err(ContactError::Length {
-                    what,
-                    expected,
-                    found,
-                });
-            }
+            check_length(what, found, expected)?;
         }
         match self.is_empty() {
             true => Err(ContactError::Empty {

@@ -1,11 +1,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::error::{check_finite, check_length};
 use super::law::{LocalValues, NodeLaw, check_law};
 use super::per_node::PerNode;
 use super::{ContactBody, ContactError, ContactState, FrictionCoefficient, LoadPath, PlanarCoulomb};
+use crate::InputError;
 use crate::clock::Until;
+use crate::input::{check_finite, check_vector};
 use crate::interface::{CondensedView, FullView, Interface, LoadCase, View};
 use crate::linear::LinearError;
 use crate::piecewise::{PiecewiseSmooth, Selection};
@@ -128,7 +129,7 @@ impl<L: NodeLaw> CondensedContact<L> {
     ///
     /// # Errors
     /// [`ContactError::Memory`] where [`ContactBody::condensed_memory`] is above the limit, before anything large is allocated;
-    /// [`LinearError::Interrupted`] where the time limit is reached (the clock is read between parts of the factorisation and of the
+    /// [`LinearError::TimeLimit`] where the time limit is reached (the clock is read between parts of the factorisation and of the
     /// compliance); those of [`new`](Self::new).
     pub fn within(
         body: ContactBody,
@@ -144,7 +145,12 @@ impl<L: NodeLaw> CondensedContact<L> {
             }
         }
         if let Some((row, col, difference)) = body.stiffness().asymmetry(1e-10) {
-            return Err(ContactError::NotSymmetric { row, col, difference });
+            return Err(ContactError::Input(InputError::NotSymmetric {
+                what: "the stiffness matrix",
+                row,
+                col,
+                difference,
+            }));
         }
         Self::of(body, law, |body| {
             CondensedView::within(&body.operator, until).map_err(|e| match e {
@@ -215,7 +221,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
-        check_length("the reference of the slip", reference, self.law.reference.len())?;
+        check_vector("the reference of the slip", reference, self.law.reference.len())?;
         self.law.reference.copy_from_slice(reference);
         Ok(())
     }
@@ -225,7 +231,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn set_history(&mut self, history: &[f64]) -> Result<(), ContactError> {
-        check_length("the list of history variables", history, self.law.history.len())?;
+        check_vector("the list of history variables", history, self.law.history.len())?;
         self.law.history.copy_from_slice(history);
         Ok(())
     }
@@ -241,7 +247,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn end_level(&mut self, x: &[f64]) -> Result<(), ContactError> {
-        check_length("the solution x", x, self.num_vars())?;
+        check_vector("the solution x", x, self.num_vars())?;
         let (p, h) = (self.num_contacts(), self.law.law.num_history());
         for v in self.nodes(x) {
             let own = &mut self.law.history[v.node * h..(v.node + 1) * h];
@@ -421,7 +427,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn displacements(&self, x: &[f64]) -> Result<Vec<f64>, ContactError> {
-        check_length("the solution x", x, self.num_vars())?;
+        check_vector("the solution x", x, self.num_vars())?;
         let mut u = self.expand(x)?;
         u.truncate(self.num_displacements());
         Ok(u)
@@ -432,7 +438,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn support_displacements(&self, x: &[f64]) -> Result<Vec<f64>, ContactError> {
-        check_length("the solution x", x, self.num_vars())?;
+        check_vector("the solution x", x, self.num_vars())?;
         let parameters = &x[self.num_residuals()..];
         Ok(self
             .operator

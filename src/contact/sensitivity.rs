@@ -3,14 +3,14 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::error::check_length;
 use super::law::NodeLaw;
 use super::parameters::{ContactParameters, SharedLaw};
 use super::per_node::PerNode;
 use super::{Contact, ContactError};
+use crate::input::check_vector;
 use crate::interface::{Columns, Extended, Interface, View};
 use crate::linear::LinearError;
-use crate::piecewise::{PiecewiseSmooth, check_vector};
+use crate::piecewise::PiecewiseSmooth;
 use crate::sensitivity::{Differentiability, Directional, Sensitivity, SensitivityError, Validity};
 use crate::sparse::{Matrix, Pattern};
 use crate::tolerances::COLUMNS;
@@ -97,7 +97,7 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
             1 + body.num_tangents(),
         ];
         parameters.check_sizes(sizes)?;
-        check_length("the solution x", x, self.num_vars())?;
+        check_vector("the solution x", x, self.num_vars())?;
         if self.num_parameters() > 1 {
             let what =
                 "the derivatives of problems with a second load parameter are those of `Sensitivity`".into();

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use super::engine::Curve;
 use super::{
     Arm, BranchPoint, Continuation, ContinuationError, ContinuationOptions, Direction, Event,
-    MonitorCrossing, Point, SmoothFold, Termination, Transition,
+    MonitorCrossing, Point, Termination, Transition,
 };
 use crate::linear::LinearSolver;
 use crate::piecewise::PiecewiseSmooth;
@@ -37,7 +37,7 @@ pub struct Branch {
     /// Transition points, by arclength.
     pub transitions: Vec<Transition>,
     /// Smooth folds, by arclength.
-    pub smooth_folds: Vec<SmoothFold>,
+    pub smooth_folds: Vec<Point>,
     /// Branch points inside pieces or of grazing curves, by arclength.
     pub branch_points: Vec<BranchPoint>,
     /// Zeros of monitor functions, by arclength.
@@ -76,7 +76,7 @@ impl Branch {
     /// let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
     /// let branch = Branch::follow(&map, &[1.0, -1.0], Direction::Increasing, options)?;
     /// assert_eq!(branch.smooth_folds.len(), 1);
-    /// assert!(branch.smooth_folds[0].point.parameter().abs() < 1e-10);
+    /// assert!(branch.smooth_folds[0].parameter().abs() < 1e-10);
     /// # Ok::<(), semismooth::continuation::ContinuationError>(())
     /// ```
     pub fn follow<P: PiecewiseSmooth + ?Sized>(
@@ -126,7 +126,7 @@ impl Branch {
             smooth_folds: Vec::new(),
             branch_points: Vec::new(),
             monitor_crossings: Vec::new(),
-            termination: Termination::Stopped,
+            termination: Termination::Interrupted,
             factorisations: 0,
             updates: 0,
             corrections: 0,
@@ -147,7 +147,7 @@ impl Branch {
                 Event::Monitor(m) => branch.monitor_crossings.push(m),
             }
         }
-        branch.termination = curve.termination().unwrap_or(Termination::Stopped);
+        branch.termination = curve.termination().unwrap_or(Termination::Interrupted);
         branch.factorisations = curve.factorisations();
         branch.updates = curve.updates();
         branch.corrections = curve.corrections();
@@ -172,10 +172,7 @@ impl Branch {
             .iter()
             .filter(|t| t.is_fold())
             .map(|t| (t.arclength, t.parameter()));
-        let smooth = self
-            .smooth_folds
-            .iter()
-            .map(|f| (f.point.arclength, f.point.parameter()));
+        let smooth = self.smooth_folds.iter().map(|f| (f.arclength, f.parameter()));
         let mut all: Vec<_> = kinks.chain(smooth).collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
         all.into_iter().map(|f| f.1).collect()

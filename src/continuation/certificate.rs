@@ -3,8 +3,9 @@
 use super::point::active::vanishing_at;
 use super::point::coincidence::keep_inside;
 use super::{Branch, ContinuationError, ContinuationOptions, Transition};
+use crate::input::check_vector;
 use crate::piecewise::{
-    ActiveSet, LocalUniqueness, PiecewiseSmooth, Selection, TestLayout, check_vector, local_uniqueness,
+    ActiveSet, LocalUniqueness, PiecewiseSmooth, Selection, TestLayout, local_uniqueness,
     local_uniqueness_with, select,
 };
 use crate::sparse::Matrix;
@@ -137,12 +138,12 @@ impl Branch {
         }
         // ∇_yH is singular there by definition, to within the rounding of the location.
         for fold in &self.smooth_folds {
-            let singular = (fold.point.selection.clone(), 0);
+            let singular = (fold.selection.clone(), 0);
             let fails = LocalUniqueness::Fails {
                 first: singular.clone(),
                 second: singular,
             };
-            list.push((fold.point.arclength, fails));
+            list.push((fold.arclength, fails));
         }
         let branchings = self.branch_points.iter().map(|b| &b.point);
         for point in self.points.iter().chain(branchings) {

@@ -201,7 +201,7 @@ impl<'a> Curve<'a> {
 
     /// Ends the curve; the iterator gives what is still in the queue and then nothing.
     pub(super) fn stop(&mut self) {
-        self.termination.get_or_insert(Termination::Stopped);
+        self.termination.get_or_insert(Termination::Interrupted);
     }
 
     /// Sign of det [∇H^(σ)(x); tᵀ], `None` when it is singular or unknown.
@@ -287,19 +287,19 @@ impl<'a> Curve<'a> {
     /// The reason for which the curve has to end here, if there is one.
     pub(super) fn is_over(&self) -> Option<Termination> {
         if self.over.as_ref().is_some_and(|over| over()) {
-            return Some(Termination::Stopped);
+            return Some(Termination::Interrupted);
         }
         Self::deadline(self.clock, &self.options, None)
             .is_over()
-            .then_some(Termination::MaxTime)
+            .then_some(Termination::TimeLimit)
     }
 
     pub(super) fn limits(&mut self) {
         let over = self.is_over();
         let reason = if self.points >= self.options.max_points {
-            Termination::MaxPoints
+            Termination::PointLimit
         } else if self.arclength >= self.options.max_arclength {
-            Termination::MaxArclength
+            Termination::ArclengthLimit
         } else if norm(&self.here.x) > self.options.max_growth * self.size {
             Termination::Unbounded
         } else if let Some(over) = over {

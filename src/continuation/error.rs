@@ -1,26 +1,20 @@
 use thiserror::Error;
 
+use crate::InputError;
 use crate::enumeration::EnumerationError;
 use crate::newton::NewtonError;
-use crate::piecewise::PiecewiseError;
+use crate::piecewise::{PiecewiseError, carries_maps};
 
 /// What can go wrong in starting or following a curve.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ContinuationError {
-    /// An option is out of its range.
-    #[error("option {name} = {value} is out of range; it must be {range}")]
-    Option {
-        /// Name of the field.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// The range.
-        range: &'static str,
-    },
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// The map or a vector does not fit.
     #[error(transparent)]
-    Map(#[from] PiecewiseError),
+    Map(PiecewiseError),
     /// The start could not be corrected onto the curve.
     #[error("the start is not on the curve and Newton's method at its parameter failed: {0}")]
     Start(#[from] NewtonError),
@@ -91,3 +85,5 @@ pub enum ContinuationError {
         site: String,
     },
 }
+
+carries_maps!(ContinuationError);

@@ -35,8 +35,8 @@ pub use options::{ContinuationOptions, StepRule, Strategy};
 pub use point::{Certainty, PointAnalysis, PointDoubt, arms_at};
 pub(crate) use pursuit::pursue;
 pub use record::{
-    Arm, BranchPoint, Event, MonitorCrossing, Point, PointKind, SiteChange, SmoothFold, Termination,
-    Transition, TransitionKind,
+    Arm, BranchPoint, Event, MonitorCrossing, Point, PointKind, SiteChange, Termination, Transition,
+    TransitionKind,
 };
 pub use save::SavedRun;
 pub use search::{

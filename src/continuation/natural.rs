@@ -23,7 +23,7 @@ impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
     pub(super) fn unscale_event(&self, event: &mut Event) {
         match event {
             Event::Point(p) => self.unscale_point(p),
-            Event::SmoothFold(f) => self.unscale_point(&mut f.point),
+            Event::SmoothFold(point) => self.unscale_point(point),
             Event::Monitor(m) => self.unscale_point(&mut m.point),
             Event::BranchPoint(b) => {
                 self.unscale_point(&mut b.point);

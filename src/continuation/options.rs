@@ -1,6 +1,7 @@
 use std::time::Duration;
 
-use super::ContinuationError;
+use crate::InputError;
+use crate::input::{any, check_options, fraction, positive};
 use crate::options::setters;
 
 /// How a curve is followed through kinks.
@@ -218,25 +219,14 @@ impl ContinuationOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`ContinuationError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), ContinuationError> {
-        let positive = |v: f64| v > 0.0 && v.is_finite();
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
         let size = self.typical_sizes.last().copied().unwrap_or(1.0);
-        let open_unit = |v: f64| v > 0.0 && v < 1.0;
-        let checks: [(&'static str, f64, bool, &'static str); 17] = [
-            ("step", self.step, positive(self.step), "positive and finite"),
-            (
-                "min_step",
-                self.min_step,
-                positive(self.min_step),
-                "positive and finite",
-            ),
-            (
-                "max_step",
-                self.max_step,
-                positive(self.max_step),
-                "positive and finite",
-            ),
+        let (lower, upper) = self.parameter_range;
+        check_options(&[
+            positive("step", self.step),
+            positive("min_step", self.min_step),
+            positive("max_step", self.max_step),
             (
                 "min_step",
                 self.min_step,
@@ -252,40 +242,20 @@ impl ContinuationOptions {
             (
                 "shrink",
                 self.shrink,
-                open_unit(self.shrink) && self.shrink <= 0.95,
+                self.shrink > 0.0 && self.shrink <= 0.95,
                 "in (0, 0.95]",
             ),
-            (
-                "residual_tolerance",
-                self.residual_tolerance,
-                positive(self.residual_tolerance),
-                "positive and finite",
-            ),
-            (
-                "step_tolerance",
-                self.step_tolerance,
-                positive(self.step_tolerance),
-                "positive and finite",
-            ),
-            (
-                "max_corrections",
-                self.max_corrections as f64,
-                self.max_corrections > 0,
-                "at least 1",
-            ),
-            ("min_cos", self.min_cos, open_unit(self.min_cos), "in (0, 1)"),
+            positive("residual_tolerance", self.residual_tolerance),
+            positive("step_tolerance", self.step_tolerance),
+            any("max_corrections", self.max_corrections as u64),
+            fraction("min_cos", self.min_cos),
             (
                 "parameter_range",
-                self.parameter_range.0,
-                self.parameter_range.0 < self.parameter_range.1,
+                lower,
+                lower < upper,
                 "an interval (lower, upper) with lower < upper",
             ),
-            (
-                "max_points",
-                self.max_points as f64,
-                self.max_points > 0,
-                "at least 1",
-            ),
+            any("max_points", self.max_points as u64),
             (
                 "max_arclength",
                 self.max_arclength,
@@ -293,37 +263,14 @@ impl ContinuationOptions {
                 "positive",
             ),
             ("max_growth", self.max_growth, self.max_growth > 0.0, "positive"),
-            (
-                "vanishing_distance",
-                self.vanishing_distance,
-                open_unit(self.vanishing_distance),
-                "in (0, 1)",
-            ),
-            (
-                "max_selections",
-                self.max_selections as f64,
-                self.max_selections > 0,
-                "at least 1",
-            ),
-            (
-                "max_nodes",
-                self.max_nodes as f64,
-                self.max_nodes > 0,
-                "at least 1",
-            ),
-        ];
-        for (name, value, fine, range) in checks {
-            if !fine {
-                return Err(ContinuationError::Option { name, value, range });
-            }
-        }
-        match self.targets.iter().find(|t| !t.is_finite()) {
-            Some(&value) => Err(ContinuationError::Option {
-                name: "targets",
-                value,
-                range: "finite",
-            }),
-            None => Ok(()),
-        }
+            fraction("vanishing_distance", self.vanishing_distance),
+            any("max_selections", self.max_selections),
+            any("max_nodes", self.max_nodes),
+        ])?;
+        let targets = self
+            .targets
+            .iter()
+            .map(|&t| ("targets", t, t.is_finite(), "finite"));
+        check_options(&targets.collect::<Vec<_>>())
     }
 }

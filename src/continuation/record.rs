@@ -251,15 +251,6 @@ impl fmt::Display for Transition {
     }
 }
 
-/// A point inside a piece where the parameter turns (∇_yH^(σ) singular, quadratic tangency).
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct SmoothFold {
-    /// The point.
-    pub point: Point,
-}
-
 /// A point where the Jacobian of a selection loses rank along the curve, so that further arms may leave.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -301,8 +292,8 @@ pub enum Event {
     Point(Point),
     /// A transition point.
     Transition(Transition),
-    /// A smooth fold.
-    SmoothFold(SmoothFold),
+    /// A point inside a piece where the parameter turns (∇_yH^(σ) singular, quadratic tangency).
+    SmoothFold(Point),
     /// A branch point inside a piece or of a grazing curve.
     BranchPoint(BranchPoint),
     /// A zero of a monitor function.
@@ -316,7 +307,7 @@ impl Event {
         match self {
             Self::Point(p) => &p.x,
             Self::Transition(t) => &t.x,
-            Self::SmoothFold(f) => &f.point.x,
+            Self::SmoothFold(p) => &p.x,
             Self::BranchPoint(b) => &b.point.x,
             Self::Monitor(m) => &m.point.x,
         }
@@ -328,7 +319,7 @@ impl Event {
         match self {
             Self::Point(p) => p.arclength,
             Self::Transition(t) => t.arclength,
-            Self::SmoothFold(f) => f.point.arclength,
+            Self::SmoothFold(p) => p.arclength,
             Self::BranchPoint(b) => b.point.arclength,
             Self::Monitor(m) => m.point.arclength,
         }
@@ -345,13 +336,6 @@ impl Event {
 impl fmt::Display for Point {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         at_parameter(f, &self.kind, self.parameter())
-    }
-}
-
-/// "smooth fold at parameter 0.5": in one line.
-impl fmt::Display for SmoothFold {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        at_parameter(f, &"smooth fold", self.point.parameter())
     }
 }
 
@@ -381,7 +365,7 @@ impl fmt::Display for Event {
         match self {
             Self::Point(point) => point.fmt(f),
             Self::Transition(transition) => transition.fmt(f),
-            Self::SmoothFold(fold) => fold.fmt(f),
+            Self::SmoothFold(point) => at_parameter(f, &"smooth fold", point.parameter()),
             Self::BranchPoint(point) => point.fmt(f),
             Self::Monitor(crossing) => crossing.fmt(f),
         }
@@ -404,13 +388,13 @@ pub enum Termination {
     /// The curve closed: the start was met again.
     Closed,
     /// The limit on points.
-    MaxPoints,
+    PointLimit,
     /// The limit on arclength.
-    MaxArclength,
+    ArclengthLimit,
     /// The limit on ‖x‖: the curve tends to infinity (a pole).
     Unbounded,
     /// The limit on time.
-    MaxTime,
+    TimeLimit,
     /// No step of at least the smallest length was accepted.
     StepTooSmall,
     /// The orientation changes within the smallest step, and no branch point accurate to rounding explains it: two curves cross or pass
@@ -420,7 +404,7 @@ pub enum Termination {
     /// A monitor function that ends the curve vanished.
     Monitor,
     /// The user stopped.
-    Stopped,
+    Interrupted,
 }
 
 impl Termination {
@@ -433,14 +417,14 @@ impl Termination {
             Self::Undecided => "arms undecided",
             Self::Branching => "branching",
             Self::Closed => "closed curve",
-            Self::MaxPoints => "limit on points",
-            Self::MaxArclength => "limit on arclength",
+            Self::PointLimit => "point limit",
+            Self::ArclengthLimit => "arclength limit",
             Self::Unbounded => "tends to infinity",
-            Self::MaxTime => "limit on time",
+            Self::TimeLimit => "time limit",
             Self::StepTooSmall => "step too small",
             Self::UnresolvedCrossing => "crossing not resolved",
             Self::Monitor => "zero of a monitor",
-            Self::Stopped => "stopped",
+            Self::Interrupted => "interrupted",
         }
     }
 }

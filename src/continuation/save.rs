@@ -6,11 +6,11 @@ use std::time::Duration;
 use super::engine::{Curve, State, belongs};
 use super::start::{auto_corrector, prepare_at};
 use super::{Continuation, ContinuationError, ContinuationOptions, Event, Termination};
+use crate::InputError;
 use crate::clock::Clock;
+use crate::input::check_vector;
 use crate::piecewise::Vanishing;
-use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, check_selection, check_vector,
-};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, check_selection};
 
 /// The state of a [`Continuation`] between two events: point, tangent, selection, step size, options, counters, events not yet
 /// returned. With the `serde` feature it can be written and read in any format.
@@ -139,11 +139,11 @@ impl SavedRun {
         }
         let layout = TestLayout::new(map);
         let length = |what, expected: usize, found: usize| {
-            let error = PiecewiseError::Length {
+            let error = PiecewiseError::Input(InputError::Length {
                 what,
                 expected,
                 found,
-            };
+            });
             if expected == found { Ok(()) } else { Err(error) }
         };
         length(

@@ -6,12 +6,14 @@ use super::engine::{Curve, Solver, State, generic_probe, term_size};
 use super::event::watch::Departure;
 use super::point::{Arms, PointDoubt};
 use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
+use crate::InputError;
 use crate::clock::Clock;
+use crate::input::check_options;
+use crate::input::{check_finite, check_vector};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::newton::{MoorePenrose, Newton, NewtonOptions};
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, check_vector,
-    select,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, select,
 };
 use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
@@ -36,13 +38,8 @@ fn inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<Vec<f64>, Continuatio
     if let Some(alpha) = inside.last_mut() {
         let value = *alpha;
         *alpha = value.max(lower).min(upper);
-        if (value - *alpha).abs() > CHECKED * (1.0 + value.abs()) {
-            return Err(ContinuationError::Option {
-                name: "start",
-                value,
-                range: "inside the range of the parameter",
-            });
-        }
+        let fine = (value - *alpha).abs() <= CHECKED * (1.0 + value.abs());
+        check_options(&[("start", value, fine, "inside the range of the parameter")])?;
     }
     Ok(inside)
 }
@@ -192,7 +189,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
 
     /// [`new`](Self::new), and the curve ends once `over` returns true: it is called wherever [`max_time`](ContinuationOptions::max_time)
     /// is checked, also in searches for arms, which may take far longer than a step. Such a curve is
-    /// [`Stopped`](super::Termination::Stopped).
+    /// [`Interrupted`](super::Termination::Interrupted).
     ///
     /// # Errors
     /// As [`new`](Self::new); [`ContinuationError::UndecidedArms`] where `over` returns true before an arm was found.
@@ -291,11 +288,11 @@ impl<'a> Curve<'a> {
     fn leave_along(&mut self, arm: &Arm) -> Result<(), ContinuationError> {
         check_vector("the tangent of the arm", &arm.tangent, self.map.num_vars())?;
         if arm.selection.len() != self.map.num_sites() {
-            return Err(PiecewiseError::Length {
+            return Err(PiecewiseError::Input(InputError::Length {
                 what: "the selection of the arm",
                 expected: self.map.num_sites(),
                 found: arm.selection.len(),
-            }
+            })
             .into());
         }
         let mut arm = arm.clone();
@@ -360,13 +357,7 @@ impl Start {
         let layout = TestLayout::new(map);
         let mut theta = vec![0.0; layout.total()];
         map.test_functions(&x, &mut theta);
-        if let Some(i) = theta.iter().position(|t| !t.is_finite()) {
-            return Err(PiecewiseError::NotFinite {
-                what: "the vector of test functions at the start",
-                index: i,
-            }
-            .into());
-        }
+        check_finite("the vector of test functions at the start", &theta)?;
         let state = State {
             t: vec![0.0; x.len()],
             theta,

@@ -89,7 +89,7 @@ impl<'a> From<&'a Event> for BranchVertex<'a> {
         match event {
             Event::Point(p) => BranchVertex::regular(p, "point"),
             Event::Transition(t) => t.into(),
-            Event::SmoothFold(f) => BranchVertex::regular(&f.point, "smooth fold"),
+            Event::SmoothFold(f) => BranchVertex::regular(f, "smooth fold"),
             Event::BranchPoint(b) => b.into(),
             Event::Monitor(m) => BranchVertex::regular(&m.point, &m.name),
         }
@@ -123,7 +123,7 @@ impl Branch {
         let points = self.points.iter().map(|p| BranchVertex::regular(p, "point"));
         let transitions = self.transitions.iter().map(BranchVertex::from);
         let folds = self.smooth_folds.iter();
-        let folds = folds.map(|f| BranchVertex::regular(&f.point, "smooth fold"));
+        let folds = folds.map(|f| BranchVertex::regular(f, "smooth fold"));
         let branchings = self.branch_points.iter().map(BranchVertex::from);
         let monitors = self.monitor_crossings.iter();
         let monitors = monitors.map(|m| BranchVertex::regular(&m.point, &m.name));

@@ -13,9 +13,8 @@ use super::system::System;
 use super::table::{Form, Table};
 use super::{Completeness, Doubt, EnumerationError, EnumerationOptions, system};
 use crate::clock::Deadline;
-use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, check_vector,
-};
+use crate::input::check_vector;
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout};
 use crate::sparse::norm;
 use crate::tolerances::{GIGABYTE, TANGENTIAL};
 

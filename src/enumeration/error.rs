@@ -1,22 +1,16 @@
 use thiserror::Error;
 
+use crate::InputError;
 use crate::linear::LinearError;
-use crate::piecewise::PiecewiseError;
+use crate::piecewise::{PiecewiseError, carries_maps};
 
 /// What can go wrong in an enumeration.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum EnumerationError {
-    /// An option is out of its range.
-    #[error("option {name} = {value} is out of range; it must be {range}")]
-    Option {
-        /// Name of the field.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// The range.
-        range: &'static str,
-    },
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// The pieces are not affine in y at fixed parameter, so that they have no finite list of solutions to enumerate.
     #[error(
         "{what} is not affine in the unknowns at fixed parameter: its derivatives differ between two points"
@@ -43,8 +37,10 @@ pub enum EnumerationError {
     },
     /// The map or a vector does not fit.
     #[error(transparent)]
-    Map(#[from] PiecewiseError),
+    Map(PiecewiseError),
 }
+
+carries_maps!(EnumerationError);
 
 impl From<LinearError> for EnumerationError {
     fn from(e: LinearError) -> Self {

@@ -1,5 +1,7 @@
 use std::time::Duration;
 
+use crate::InputError;
+use crate::input::{any, check_options, fraction};
 use crate::options::setters;
 
 /// Options of the enumeration. The defaults suit most problems.
@@ -56,29 +58,12 @@ impl EnumerationOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`EnumerationError::Option`](super::EnumerationError::Option) names the option out of range.
-    pub fn validate(&self) -> Result<(), super::EnumerationError> {
-        let small = |v: f64| v > 0.0 && v < 1.0;
-        let checks = [
-            (
-                "max_nodes",
-                self.max_nodes as f64,
-                self.max_nodes > 0,
-                "at least 1",
-            ),
-            ("tolerance", self.tolerance, small(self.tolerance), "in (0, 1)"),
-            (
-                "merge_distance",
-                self.merge_distance,
-                small(self.merge_distance),
-                "in (0, 1)",
-            ),
-        ];
-        for (name, value, fine, range) in checks {
-            if !fine {
-                return Err(super::EnumerationError::Option { name, value, range });
-            }
-        }
-        Ok(())
+    /// [`InputError::Option`](InputError::Option) names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        check_options(&[
+            any("max_nodes", self.max_nodes),
+            fraction("tolerance", self.tolerance),
+            fraction("merge_distance", self.merge_distance),
+        ])
     }
 }

@@ -4,8 +4,9 @@ use super::EnumerationError;
 use super::split::{At, split};
 use super::table::Form;
 use crate::clock::Deadline;
+use crate::input::check_vector;
 use crate::linear::LinearError;
-use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, TestLayout, check_vector};
+use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, TestLayout};
 use crate::sparse::Matrix;
 use crate::tolerances::{GIGABYTE, ROUNDING};
 

@@ -11,6 +11,7 @@ use super::rigid::check_supports;
 use super::springs::{Attached, Coupled};
 use super::stiffness::Elements;
 use super::{FemError, Material, Mesh, PlaneModel};
+use crate::InputError;
 use crate::interface::LoadCase;
 use crate::sparse::{Matrix, Pattern};
 use crate::tolerances::SAME;
@@ -375,11 +376,11 @@ impl ElasticSystem {
     /// Wrong lengths.
     pub fn displacements(&self, free: &[f64], supports: &[f64]) -> Result<Vec<f64>, FemError> {
         let wrong = |what, expected, found| {
-            Err(FemError::Length {
+            Err(FemError::Input(InputError::Length {
                 what,
                 expected,
                 found,
-            })
+            }))
         };
         if free.len() != self.num_free() {
             return wrong("the vector of free displacements", self.num_free(), free.len());

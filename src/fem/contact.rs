@@ -5,6 +5,7 @@ use super::element::Reference;
 use super::facet::integrate;
 use super::mesh::{by_position, cross, dot, norm};
 use super::{ElasticSystem, FemError};
+use crate::input::check_length;
 use crate::interface::LoadCase;
 use crate::sparse::Matrix;
 
@@ -181,13 +182,7 @@ impl ContactRows {
         if moved.is_empty() {
             return Ok(());
         }
-        if moved.len() != all {
-            return Err(FemError::Length {
-                what: "the vector of displacements of the supports",
-                expected: all,
-                found: moved.len(),
-            });
-        }
+        check_length("the vector of displacements of the supports", moved.len(), all)?;
         for &(node, direction) in &self.resting {
             let own = &moved[dim * node..dim * (node + 1)];
             if own

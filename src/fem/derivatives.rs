@@ -5,6 +5,7 @@ use super::cell_points::{Point, Points};
 use super::element::MAX_NODES;
 use super::material::{KEPT, MaterialConstant, PlaneModel};
 use super::{ContactRows, FemError};
+use crate::input::check_length;
 use crate::sparse::Matrix;
 use crate::words::named;
 
@@ -129,13 +130,11 @@ impl ElasticSystem {
     }
 
     fn check_displacements(&self, displacements: &[f64]) -> Result<(), FemError> {
-        if displacements.len() != self.dofs.len() {
-            return Err(FemError::Length {
-                what: "the vector of displacements, one for each component of each node,",
-                expected: self.dofs.len(),
-                found: displacements.len(),
-            });
-        }
+        check_length(
+            "the vector of displacements, one for each component of each node,",
+            displacements.len(),
+            self.dofs.len(),
+        )?;
         let dim = self.mesh.dim();
         match displacements.iter().position(|u| !u.is_finite()) {
             Some(k) => Err(FemError::NotFinite {

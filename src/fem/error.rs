@@ -1,14 +1,15 @@
-use std::path::PathBuf;
+use crate::InputError;
+use crate::piecewise::{PiecewiseError, carries_maps};
 
 use thiserror::Error;
-
-use crate::Cause;
-use crate::sparse::SparseError;
 
 /// What can be wrong with a mesh, a material, supports, loads or a contact boundary. Nodes, cells and facets count from 0.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FemError {
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// A structured mesh would have more nodes than indices and memory allow.
     #[error("a grid of {cells:?} cells has too many nodes; refine where it matters instead")]
     TooLarge {
@@ -329,47 +330,15 @@ pub enum FemError {
         /// What is wrong.
         what: String,
     },
-    /// A vector has the wrong length.
-    #[error("{what} has length {found}, expected {expected}")]
-    Length {
-        /// Which vector.
-        what: &'static str,
-        /// Length expected.
-        expected: usize,
-        /// Length given.
-        found: usize,
-    },
-    /// A file could not be read.
-    #[error("{path}: {source}", path = path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: Cause,
-    },
-    /// A file has the wrong format.
-    #[error("{path}, line {line}: {what}", path = path.display())]
-    Parse {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: usize,
-        /// What was found and what was expected.
-        what: String,
-    },
-    /// A matrix could not be built.
-    #[error(transparent)]
-    Sparse(#[from] SparseError),
     /// A body that cannot be a [`PlasticBody`](super::PlasticBody).
     #[error("the body cannot be plastic: {what}")]
     PlasticBody {
         /// Why.
         what: &'static str,
     },
-    /// An error in a vector.
+    /// A load case or a vector does not fit.
     #[error(transparent)]
-    Vector(#[from] crate::piecewise::PiecewiseError),
-    /// An error in the load case of the supports.
-    #[error(transparent)]
-    Supports(#[from] crate::interface::InterfaceError),
+    Map(PiecewiseError),
 }
+
+carries_maps!(FemError);

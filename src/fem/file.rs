@@ -2,6 +2,7 @@
 
 use super::mesh::{CellGroups, FacetGroups, NodeGroups};
 use super::{CellKind, FemError, Mesh};
+use crate::input::check_length;
 
 /// The fields of a [`Mesh`].
 #[derive(serde::Deserialize)]
@@ -23,13 +24,7 @@ impl TryFrom<Unchecked> for Mesh {
 
     fn try_from(read: Unchecked) -> Result<Self, FemError> {
         let expected = read.kinds.iter().map(|k| k.num_nodes()).sum();
-        if read.nodes.len() != expected {
-            return Err(FemError::Length {
-                what: "the list of the nodes of all cells",
-                expected,
-                found: read.nodes.len(),
-            });
-        }
+        check_length("the list of the nodes of all cells", read.nodes.len(), expected)?;
         let mut rest = read.nodes.as_slice();
         let cells = read.kinds.into_iter().map(|kind| {
             let (nodes, after) = rest.split_at(kind.num_nodes());

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::tokens::{Reader, shorten};
 use super::{CellKind, FemError, Mesh};
+use crate::InputError;
 use crate::tolerances::NONE;
 
 /// Reads a Gmsh mesh file (MSH 2.2 or 4.1, ASCII or binary of either byte order) of elements of first or second order.
@@ -18,9 +19,11 @@ use crate::tolerances::NONE;
 /// memberships of elements in physical groups, node numbers that do not exist, truncated files, folded cells.
 pub fn read_gmsh(path: impl AsRef<Path>) -> Result<Mesh, FemError> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(|e| FemError::Io {
-        path: path.into(),
-        source: e.into(),
+    let bytes = std::fs::read(path).map_err(|e| {
+        FemError::Input(InputError::Io {
+            path: path.into(),
+            source: e.into(),
+        })
     })?;
     parse_gmsh(&bytes, path)
 }

@@ -2,7 +2,8 @@ use super::assembly::{PRESCRIBED, pattern};
 use super::cell_points::{Point, Points};
 use super::springs::Coupled;
 use super::{ElasticSystem, Elasticity, FemError, PlaneModel, PlasticResponse, PlasticState, VonMises};
-use crate::piecewise::{Semismooth, check_vector};
+use crate::input::check_vector;
+use crate::piecewise::Semismooth;
 use crate::sparse::{Matrix, Pattern};
 
 /// A body of [`VonMises`] material at one step of its history: the equilibrium of forces on the free displacements as a semismooth map.

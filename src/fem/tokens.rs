@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::FemError;
+use crate::InputError;
 use crate::words::SHOWN;
 
 /// The beginning of a text of any length, for messages.
@@ -30,11 +31,12 @@ impl Reader<'_> {
         if self.binary {
             what += &format!(" (byte {})", self.at);
         }
-        FemError::Parse {
+        FemError::Input(InputError::Parse {
             path: self.path.into(),
             line,
             what,
-        }
+            source: None,
+        })
     }
 
     /// Name after the next `$` at the beginning of a line.
@@ -85,10 +87,13 @@ impl Reader<'_> {
             return Err(self.fail("the file ends where a number is expected"));
         }
         self.at = start + length;
-        std::str::from_utf8(&self.bytes[start..start + length]).map_err(|_| FemError::Parse {
-            path: self.path.into(),
-            line: 0,
-            what: "the text is not UTF-8".into(),
+        std::str::from_utf8(&self.bytes[start..start + length]).map_err(|_| {
+            FemError::Input(InputError::Parse {
+                path: self.path.into(),
+                line: 0,
+                what: "the text is not UTF-8".into(),
+                source: None,
+            })
         })
     }
 

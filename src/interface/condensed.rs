@@ -1,10 +1,10 @@
 use std::sync::Arc;
 
-use super::error::check_vector;
 use super::load::{Factors, add};
 use super::view::FullView;
-use super::{CondensedInterface, Interface, InterfaceError, InterfaceProblem};
-use crate::piecewise::{PiecewiseSmooth, Selection, check_selection};
+use super::{CondensedInterface, Interface, InterfaceProblem};
+use crate::input::check_vector;
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_selection};
 use crate::sparse::Matrix;
 
 impl<G: PiecewiseSmooth> CondensedInterface<G> {
@@ -18,7 +18,7 @@ impl<G: PiecewiseSmooth> CondensedInterface<G> {
     ///
     /// # Errors
     /// None in practice; patterns are checked again.
-    pub fn full(&self) -> Result<InterfaceProblem<G>, InterfaceError>
+    pub fn full(&self) -> Result<InterfaceProblem<G>, PiecewiseError>
     where
         G: Clone,
     {
@@ -29,12 +29,8 @@ impl<G: PiecewiseSmooth> CondensedInterface<G> {
     ///
     /// # Errors
     /// No parameter, values that are not finite.
-    pub fn free_traces(&self, parameters: &[f64]) -> Result<Vec<f64>, InterfaceError> {
-        check_vector(
-            "the length of the list of parameters",
-            self.num_parameters(),
-            parameters,
-        )?;
+    pub fn free_traces(&self, parameters: &[f64]) -> Result<Vec<f64>, PiecewiseError> {
+        check_vector("the list of parameters", parameters, self.num_parameters())?;
         let mut x = vec![0.0; self.num_vars()];
         x[self.num_residuals()..].copy_from_slice(parameters);
         self.traces(&x)
@@ -44,10 +40,10 @@ impl<G: PiecewiseSmooth> CondensedInterface<G> {
     ///
     /// # Errors
     /// Wrong lengths, values that are not finite.
-    pub fn expand_tangent(&self, x: &[f64], t: &[f64]) -> Result<Vec<f64>, InterfaceError> {
+    pub fn expand_tangent(&self, x: &[f64], t: &[f64]) -> Result<Vec<f64>, PiecewiseError> {
         let q = self.num_traces();
-        check_vector("the length of x", self.num_vars(), x)?;
-        check_vector("the length of the tangent", self.num_vars(), t)?;
+        check_vector("x", x, self.num_vars())?;
+        check_vector("the tangent", t, self.num_vars())?;
         let mut u = vec![0.0; self.num_displacements()];
         // Factors of its own: those of the workspace belong to the point evaluated last.
         let load = &self.operator.load;
@@ -70,7 +66,7 @@ impl<G: PiecewiseSmooth> CondensedInterface<G> {
     ///
     /// # Errors
     /// As [`expand`](Self::expand); selections of other maps.
-    pub fn full_residual(&self, selection: &Selection, x: &[f64]) -> Result<Vec<f64>, InterfaceError> {
+    pub fn full_residual(&self, selection: &Selection, x: &[f64]) -> Result<Vec<f64>, PiecewiseError> {
         check_selection("the selection", selection, self)?;
         let point = self.expand(x)?;
         let (n, q) = (self.num_displacements(), self.num_traces());

@@ -2,8 +2,9 @@ use std::sync::Arc;
 
 use super::operator::Operator;
 use super::view::{CondensedView, FullView};
-use super::{CondensedInterface, Interface, InterfaceError, InterfaceProblem, LoadPath};
-use crate::piecewise::PiecewiseSmooth;
+use super::{CondensedInterface, Interface, InterfaceProblem, LoadPath};
+use crate::InputError;
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::Matrix;
 
 impl<G: PiecewiseSmooth> InterfaceProblem<G> {
@@ -11,7 +12,7 @@ impl<G: PiecewiseSmooth> InterfaceProblem<G> {
     ///
     /// # Errors
     /// Shapes that do not fit, a law without q residuals and 2q + 1 or 2q + 2 variables, entries that are not finite.
-    pub fn from_parts(a: Matrix, b: &Matrix, load: LoadPath, law: G) -> Result<Self, InterfaceError> {
+    pub fn from_parts(a: Matrix, b: &Matrix, load: LoadPath, law: G) -> Result<Self, PiecewiseError> {
         Self::with_view(Arc::new(Operator::new(a, b, load)?), FullView, law)
     }
 
@@ -21,14 +22,19 @@ impl<G: PiecewiseSmooth> InterfaceProblem<G> {
     /// That of [`Condensation::new`](crate::linear::Condensation::new) and one solve for each load case.
     ///
     /// # Errors
-    /// [`InterfaceError::NotSymmetric`]; [`LinearError::NotPositiveDefinite`](crate::linear::LinearError::NotPositiveDefinite);
+    /// [`InputError::NotSymmetric`]; [`LinearError::NotPositiveDefinite`](crate::linear::LinearError::NotPositiveDefinite);
     /// failures of the solves.
-    pub fn condensed(&self) -> Result<CondensedInterface<G>, InterfaceError>
+    pub fn condensed(&self) -> Result<CondensedInterface<G>, PiecewiseError>
     where
         G: Clone,
     {
         if let Some((row, col, difference)) = self.operator.a.asymmetry(1e-10) {
-            return Err(InterfaceError::NotSymmetric { row, col, difference });
+            return Err(PiecewiseError::Input(InputError::NotSymmetric {
+                what: "the operator A",
+                row,
+                col,
+                difference,
+            }));
         }
         let view = CondensedView::new(&self.operator)?;
         Interface::with_view(Arc::clone(&self.operator), view, self.law.clone())

@@ -1,9 +1,9 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::InterfaceError;
-use super::error::{check_size, check_vector};
 use super::sizes::largest;
+use crate::input::{check_length, check_size, check_vector};
+use crate::piecewise::PiecewiseError;
 
 type Amplitudes = Arc<dyn Fn(f64, &mut [f64], &mut [f64]) + Send + Sync>;
 
@@ -39,18 +39,14 @@ impl LoadCase {
         displacements: Vec<f64>,
         forces: Vec<f64>,
         reactions: Vec<f64>,
-    ) -> Result<Self, InterfaceError> {
+    ) -> Result<Self, PiecewiseError> {
         check_vector(
-            "the length of the displacements of supports",
-            displacements.len(),
+            "the displacements of supports",
             &displacements,
-        )?;
-        check_vector("the length of the forces of supports", forces.len(), &forces)?;
-        check_vector(
-            "the length of the reactions of supports",
             displacements.len(),
-            &reactions,
         )?;
+        check_vector("the forces of supports", &forces, forces.len())?;
+        check_vector("the reactions of supports", &reactions, displacements.len())?;
         Ok(Self {
             total: forces.clone(),
             supports: Some(Supports {
@@ -65,7 +61,7 @@ impl LoadCase {
     ///
     /// # Errors
     /// Different numbers of displacements or of supports.
-    pub fn plus(mut self, other: impl Into<Self>) -> Result<Self, InterfaceError> {
+    pub fn plus(mut self, other: impl Into<Self>) -> Result<Self, PiecewiseError> {
         let other = other.into();
         check_size("the length of a load case", self.total.len(), other.total.len())?;
         add(1.0, &other.total, &mut self.total);
@@ -385,41 +381,36 @@ impl LoadPath {
     }
 
     /// Lengths and numbers; a single case that is zero is dropped.
-    pub(crate) fn check(&mut self, n: usize) -> Result<(), InterfaceError> {
+    pub(crate) fn check(&mut self, n: usize) -> Result<(), PiecewiseError> {
         if let Shape::Cases {
             constant,
             cases,
             amplitudes,
         } = &mut self.shape
         {
-            check_vector("the length of the load", n, &constant.total)?;
+            check_vector("the load", &constant.total, n)?;
             for case in cases.iter() {
-                check_vector("the length of a load case", n, &case.total)?;
+                check_vector("a load case", &case.total, n)?;
             }
             if amplitudes.is_none() && cases.iter().all(LoadCase::rests) {
                 cases.clear();
             }
         }
         if let Some(case) = &self.second {
-            check_vector("the length of the load of the second parameter", n, &case.total)?;
+            check_vector("the load of the second parameter", &case.total, n)?;
         }
-        let mut all = self.parts().chain(match &self.shape {
+        let all = self.parts().chain(match &self.shape {
             Shape::Cases { constant, .. } => Some(constant),
             Shape::Function(_) => None,
         });
         let mut count = None;
-        all.try_for_each(|case| match &case.supports {
-            Some(s) => {
-                let found = s.displacements.len();
-                check_size("the length of the forces of supports", n, s.forces.len())?;
-                check_size(
-                    "the number of displacements of supports",
-                    *count.get_or_insert(found),
-                    found,
-                )
-            }
-            None => Ok(()),
-        })
+        for s in all.filter_map(|case| case.supports.as_ref()) {
+            let found = s.displacements.len();
+            check_length("the vector of forces of supports", s.forces.len(), n)?;
+            let expected = *count.get_or_insert(found);
+            check_size("the number of displacements of supports", expected, found)?;
+        }
+        Ok(())
     }
 }
 

@@ -1,13 +1,15 @@
 use std::borrow::Cow;
 use std::sync::{Arc, Mutex, OnceLock};
 
-use super::error::{check_size, check_vector};
 use super::evaluation::Scratch;
+use super::fill_sizes;
 use super::operator::Operator;
 use super::view::{CondensedView, FullView, View};
-use super::{InterfaceError, fill_sizes};
+use crate::input::{check_size, check_vector};
 use crate::linear::{CondensedRows, Hierarchical};
-use crate::piecewise::{Condensed, CondensedPieces, ExactPieces, Facet, PiecewiseSmooth, Selection};
+use crate::piecewise::{
+    Condensed, CondensedPieces, ExactPieces, Facet, PiecewiseError, PiecewiseSmooth, Selection,
+};
 use crate::sparse::{Matrix, Pattern};
 
 /// A u + Bᵀ λ = f(α), G(B u, λ, α) = 0, in one of its [views](View): x = (u, λ, α) or x = (λ, α).
@@ -74,7 +76,7 @@ pub type InterfaceProblem<G> = Interface<FullView, G>;
 pub type CondensedInterface<G> = Interface<CondensedView, G>;
 
 impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
-    pub(crate) fn with_view(operator: Arc<Operator>, view: V, law: G) -> Result<Self, InterfaceError> {
+    pub(crate) fn with_view(operator: Arc<Operator>, view: V, law: G) -> Result<Self, PiecewiseError> {
         let q = operator.num_traces();
         let law_pattern = law.pattern();
         let expected = 2 * q + if law.num_vars() == 2 * q + 2 { 2 } else { 1 };
@@ -166,12 +168,8 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
     ///
     /// # Errors
     /// Another number of parameters, values that are not finite.
-    pub fn load_at(&self, parameters: &[f64]) -> Result<Vec<f64>, InterfaceError> {
-        check_vector(
-            "the length of the list of parameters",
-            self.num_parameters(),
-            parameters,
-        )?;
+    pub fn load_at(&self, parameters: &[f64]) -> Result<Vec<f64>, PiecewiseError> {
+        check_vector("the list of parameters", parameters, self.num_parameters())?;
         Ok(self.operator.load_at(parameters))
     }
 
@@ -182,8 +180,8 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
     ///
     /// # Errors
     /// Wrong length, values that are not finite.
-    pub fn expand(&self, x: &[f64]) -> Result<Vec<f64>, InterfaceError> {
-        check_vector("the length of x", self.num_vars(), x)?;
+    pub fn expand(&self, x: &[f64]) -> Result<Vec<f64>, PiecewiseError> {
+        check_vector("x", x, self.num_vars())?;
         let Some(reduced) = self.view.reduced() else {
             return Ok(x.to_vec());
         };
@@ -198,10 +196,10 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
     ///
     /// # Errors
     /// Wrong length, values that are not finite.
-    pub fn restrict(&self, full: &[f64]) -> Result<Vec<f64>, InterfaceError> {
+    pub fn restrict(&self, full: &[f64]) -> Result<Vec<f64>, PiecewiseError> {
         let n = self.num_displacements();
         let expected = n + self.num_traces() + self.num_parameters();
-        check_vector("the length of the full point", expected, full)?;
+        check_vector("the full point", full, expected)?;
         Ok(full[n..].to_vec())
     }
 
@@ -212,8 +210,8 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
     ///
     /// # Errors
     /// Wrong length, values that are not finite.
-    pub fn traces(&self, x: &[f64]) -> Result<Vec<f64>, InterfaceError> {
-        check_vector("the length of x", self.num_vars(), x)?;
+    pub fn traces(&self, x: &[f64]) -> Result<Vec<f64>, PiecewiseError> {
+        check_vector("x", x, self.num_vars())?;
         Ok(self.with_scratch(|s| {
             self.parts().law_point(x, s);
             s.z[..self.num_traces()].to_vec()

@@ -62,7 +62,6 @@
 //! ```
 
 mod condensed;
-mod error;
 mod evaluation;
 mod exact;
 mod extended;
@@ -73,8 +72,6 @@ mod operator;
 mod sizes;
 mod view;
 
-pub use error::InterfaceError;
-pub(crate) use error::LENGTH;
 pub(crate) use extended::{Columns, Extended};
 pub(crate) use load::SupportState;
 pub use load::{LoadCase, LoadPath};

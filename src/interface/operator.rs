@@ -1,7 +1,8 @@
 use std::sync::Arc;
 
-use super::error::check_size;
-use super::{InterfaceError, LoadPath, typical_sizes};
+use super::{LoadPath, typical_sizes};
+use crate::input::check_size;
+use crate::piecewise::PiecewiseError;
 use crate::sparse::Matrix;
 
 /// A, B and the load of A u + Bᵀ λ = f. Clones share the matrices.
@@ -19,7 +20,7 @@ pub(crate) struct Operator {
 
 impl Operator {
     /// The operator with the traces B, q × n.
-    pub(crate) fn new(a: Matrix, b: &Matrix, mut load: LoadPath) -> Result<Self, InterfaceError> {
+    pub(crate) fn new(a: Matrix, b: &Matrix, mut load: LoadPath) -> Result<Self, PiecewiseError> {
         let n = a.nrows();
         check_size("the number of columns of A", n, a.ncols())?;
         check_size("the number of columns of B", n, b.ncols())?;
@@ -43,7 +44,7 @@ impl Operator {
         self.sizes = typical_sizes(&self.a, [&*self.b_t], loads, gap);
     }
 
-    pub(crate) fn with_load(&self, mut load: LoadPath) -> Result<Self, InterfaceError> {
+    pub(crate) fn with_load(&self, mut load: LoadPath) -> Result<Self, PiecewiseError> {
         load.check(self.num_displacements())?;
         Ok(Self { load, ..self.clone() })
     }

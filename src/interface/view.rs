@@ -59,7 +59,7 @@ impl CondensedView {
         Self::within(operator, Until::default())
     }
 
-    /// [`new`](Self::new), or [`LinearError::Interrupted`] at the time limit.
+    /// [`new`](Self::new), or [`LinearError::TimeLimit`] at the time limit.
     pub(crate) fn within(operator: &Operator, until: Until) -> Result<Self, LinearError> {
         let mut condensation = Condensation::within(&operator.a, &operator.b_t.transpose(), until)?;
         condensation.add_to_diagonal(&operator.yielding);

@@ -2,7 +2,9 @@ use std::fmt;
 
 use super::memory::{PatternMemory, check_finite};
 use super::{LinearError, Preconditioner};
-use crate::sparse::{Matrix, MatrixRef, Pattern, SparseError};
+use crate::InputError;
+use crate::input::check_length;
+use crate::sparse::{Matrix, MatrixRef, Pattern};
 
 /// A preconditioner for the diagonal blocks of a matrix: each block of consecutive unknowns has one of its own.
 ///
@@ -74,7 +76,7 @@ impl fmt::Debug for BlockDiagonal {
 
 impl Block {
     /// The part of a pattern in rows and columns from `first` on.
-    fn cut(&mut self, a: MatrixRef<'_>, first: usize) -> Result<(), SparseError> {
+    fn cut(&mut self, a: MatrixRef<'_>, first: usize) -> Result<(), InputError> {
         let last = first + self.order;
         let (mut start, mut rows) = (vec![0], Vec::new());
         self.slots.clear();
@@ -101,13 +103,7 @@ impl Preconditioner for BlockDiagonal {
         self.pattern.check(&a)?;
         check_finite(a.values, "the matrix")?;
         let order = self.order();
-        if a.pattern.nrows != order {
-            return Err(LinearError::Shape {
-                what: "the sum of the blocks",
-                expected: a.pattern.nrows,
-                found: order,
-            });
-        }
+        check_length("the sum of the blocks", order, a.pattern.nrows)?;
         let mut first = 0;
         for block in &mut self.blocks {
             if anew || block.matrix.is_none() {
@@ -126,13 +122,7 @@ impl Preconditioner for BlockDiagonal {
 
     fn apply(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
         let order = self.order();
-        if b.len() != order {
-            return Err(LinearError::Shape {
-                what: "the right-hand side",
-                expected: order,
-                found: b.len(),
-            });
-        }
+        check_length("the right-hand side", b.len(), order)?;
         let mut rest = b;
         for block in &mut self.blocks {
             let (head, tail) = rest.split_at_mut(block.order);

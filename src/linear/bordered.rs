@@ -1,6 +1,7 @@
 use super::condition::arg_max_abs;
 use super::memory::check_finite;
 use super::{AutoSolver, DENSE_LIMIT, LinearError, LinearSolver, null_space};
+use crate::input::check_length;
 use crate::sparse::{Matrix, MatrixRef, Pattern, PatternRef, dot, norm};
 
 /// The frozen coordinate is kept while its share of the hint is at least this, to save a symbolic analysis.
@@ -94,16 +95,10 @@ impl<L: LinearSolver> Bordered<L> {
     /// A workspace for Jacobians over `pattern` (n rows, n + 1 columns).
     ///
     /// # Errors
-    /// [`LinearError::Shape`] unless there is exactly one column more than rows; errors of `solver`.
+    /// [`InputError::Length`](crate::InputError::Length) unless there is exactly one column more than rows; errors of `solver`.
     pub fn new(pattern: &Pattern, mut solver: L) -> Result<Self, LinearError> {
         let n = pattern.nrows();
-        if pattern.ncols() != n + 1 {
-            return Err(LinearError::Shape {
-                what: "a row of the Jacobian",
-                expected: n + 1,
-                found: pattern.ncols(),
-            });
-        }
+        check_length("a row of the Jacobian", pattern.ncols(), n + 1)?;
         solver.analyze(pattern.leading_columns(n))?;
         let rest = Rest {
             values: Vec::with_capacity(pattern.nnz()),
@@ -170,7 +165,7 @@ impl<L: LinearSolver> Bordered<L> {
         }
         check_finite(jacobian.values(), "the Jacobian")?;
         if let Some(hint) = hint {
-            check_length("the hint", n + 1, hint)?;
+            check_length("the hint", hint.len(), n + 1)?;
             check_finite(hint, "the hint")?;
         }
         let hint = hint.filter(|h| h.iter().any(|v| *v != 0.0));
@@ -311,12 +306,12 @@ impl<L: LinearSolver> Bordered<L> {
     /// Solves `[∇H; tᵀ] x = [r; c]` (`r` of length n, `t` and `x` of length n + 1).
     ///
     /// # Errors
-    /// [`LinearError::Singular`] when `t` is orthogonal to the kernel; [`LinearError::NotFactored`]; [`LinearError::Shape`];
+    /// [`LinearError::Singular`] when `t` is orthogonal to the kernel; [`LinearError::NotFactored`]; [`InputError::Length`](crate::InputError::Length);
     /// errors of the solver.
     pub fn solve(&mut self, r: &[f64], t: &[f64], c: f64, x: &mut [f64]) -> Result<(), LinearError> {
         let n = self.pattern.nrows();
-        check_length("the right-hand side", n, r)?;
-        check_length("the solution", n + 1, x)?;
+        check_length("the right-hand side", r.len(), n)?;
+        check_length("the solution", x.len(), n + 1)?;
         check_finite(&[c], "the right-hand side")?;
         let slope = self.slope(t)?;
         self.work.copy_from_slice(r);
@@ -341,7 +336,7 @@ impl<L: LinearSolver> Bordered<L> {
     pub(crate) fn inverse(&mut self, out: &mut [f64]) -> Result<(), LinearError> {
         const BLOCK: usize = 32;
         let n = self.pattern.nrows();
-        check_length("the inverse", (n + 1) * (n + 1), out)?;
+        check_length("the inverse", out.len(), (n + 1) * (n + 1))?;
         let (columns, last) = out.split_at_mut(n * (n + 1));
         last.copy_from_slice(&self.tangent);
         let border = self.tangent.clone();
@@ -383,8 +378,8 @@ impl<L: LinearSolver> Bordered<L> {
     /// As [`solve`](Self::solve).
     pub fn solve_transpose(&mut self, g: &[f64], t: &[f64], y: &mut [f64]) -> Result<f64, LinearError> {
         let n = self.pattern.nrows();
-        check_length("the right-hand side", n + 1, g)?;
-        check_length("the solution", n, y)?;
+        check_length("the right-hand side", g.len(), n + 1)?;
+        check_length("the solution", y.len(), n)?;
         check_finite(g, "the right-hand side")?;
         // The kernel vector annihilates ∇H: (t·τ) s = g·τ.
         let s = dot(g, &self.tangent) / self.slope(t)?;
@@ -401,7 +396,7 @@ impl<L: LinearSolver> Bordered<L> {
         if !self.factored {
             return Err(LinearError::NotFactored);
         }
-        check_length("the last row", self.tangent.len(), t)?;
+        check_length("the last row", t.len(), self.tangent.len())?;
         check_finite(t, "the last row")?;
         let slope = dot(t, &self.tangent);
         let size = dot(t, t).sqrt();
@@ -516,16 +511,4 @@ fn insert(rest: &[f64], k: usize, value: f64, full: &mut [f64]) {
 
 fn sign(v: f64) -> i8 {
     i8::from(v > 0.0) - i8::from(v < 0.0)
-}
-
-fn check_length(what: &'static str, expected: usize, array: &[f64]) -> Result<(), LinearError> {
-    if array.len() == expected {
-        Ok(())
-    } else {
-        Err(LinearError::Shape {
-            what,
-            expected,
-            found: array.len(),
-        })
-    }
 }

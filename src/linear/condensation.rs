@@ -7,7 +7,9 @@ use faer::{Accum, MatMut, MatRef, Par};
 
 use super::dense_lu::BLOCKED;
 use super::{Cholesky, Hierarchical, LinearError, LinearSolver, dense_zeros};
+use crate::InputError;
 use crate::clock::Until;
+use crate::input::check_length;
 use crate::parallel;
 use crate::sparse::{Matrix, Pattern, dot};
 
@@ -54,20 +56,20 @@ impl Condensation {
     /// q² k operations for C with k unknowns touched by B. C takes 16 q² bytes.
     ///
     /// # Errors
-    /// Shapes that do not fit ([`LinearError::Shape`], [`LinearError::NotSquare`]), A not positive definite; more than 50 000 rows of
+    /// Shapes that do not fit ([`InputError::Length`], [`LinearError::NotSquare`]), A not positive definite; more than 50 000 rows of
     /// B, or unknowns that it touches ([`LinearError::TooLarge`]).
     pub fn new(a: &Matrix, b: &Matrix) -> Result<Self, LinearError> {
         Self::within(a, b, Until::default())
     }
 
-    /// [`new`](Self::new), or [`LinearError::Interrupted`] after the time limit, which is checked between parts of the factorisation and of
+    /// [`new`](Self::new), or [`LinearError::TimeLimit`] after the time limit, which is checked between parts of the factorisation and of
     /// C.
     pub(crate) fn within(a: &Matrix, b: &Matrix, until: Until) -> Result<Self, LinearError> {
         let (q, touched) = (b.nrows(), touched(a, b)?);
         let mut factor = Cholesky::default();
         factor.analyze_with_last(a.pattern().as_ref(), &touched)?;
         if until.is_over() {
-            return Err(LinearError::Interrupted);
+            return Err(LinearError::TimeLimit);
         }
         factor.factor_by_pivots(a.as_ref(), until)?;
         let l = factor.trailing_factor(&touched)?;
@@ -180,13 +182,7 @@ impl Condensation {
     /// Wrong lengths, values that are not finite.
     pub fn expand(&self, lambda: &[f64], f: &mut [f64]) -> Result<(), LinearError> {
         self.check(f)?;
-        if lambda.len() != self.b_t.ncols() {
-            return Err(LinearError::Shape {
-                what: "the multiplier",
-                expected: self.b_t.ncols(),
-                found: lambda.len(),
-            });
-        }
+        check_length("the multiplier", lambda.len(), self.b_t.ncols())?;
         self.b_t.as_ref().mul_add(-1.0, lambda, f);
         self.factor.solve_shared(f)
     }
@@ -210,11 +206,11 @@ impl Condensation {
         if f.len() == self.b_t.nrows() {
             Ok(())
         } else {
-            Err(LinearError::Shape {
+            Err(LinearError::Input(InputError::Length {
                 what: "the right-hand side",
                 expected: self.b_t.nrows(),
                 found: f.len(),
-            })
+            }))
         }
     }
 }
@@ -228,13 +224,7 @@ fn touched(a: &Matrix, b: &Matrix) -> Result<Vec<usize>, LinearError> {
             ncols: a.ncols(),
         });
     }
-    if b.ncols() != n {
-        return Err(LinearError::Shape {
-            what: "a row of B",
-            expected: n,
-            found: b.ncols(),
-        });
-    }
+    check_length("a row of B", b.ncols(), n)?;
     let columns = b.pattern().col_ptr();
     Ok((0..n).filter(|&j| columns[j] < columns[j + 1]).collect())
 }
@@ -329,7 +319,7 @@ fn compliance(rows: &[Row], k: usize, l: Vec<f64>, until: Until) -> Result<Compl
     });
     drop(inverse);
     if until.is_over() {
-        return Err(LinearError::Interrupted);
+        return Err(LinearError::TimeLimit);
     }
     let entry = |i: usize, j: usize| s[i.min(j) * k + i.max(j)];
     let mut c = dense_zeros(q, q)?;

@@ -27,7 +27,8 @@ mod faer_matrices {
     use faer::Mat;
     use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 
-    use crate::sparse::{Matrix, SparseError};
+    use crate::InputError;
+    use crate::sparse::Matrix;
 
     /// A matrix with a full pattern.
     impl From<&Mat<f64>> for Matrix {
@@ -44,9 +45,9 @@ mod faer_matrices {
 
     /// Entries given twice are added.
     impl TryFrom<&SparseColMat<usize, f64>> for Matrix {
-        type Error = SparseError;
+        type Error = InputError;
 
-        fn try_from(a: &SparseColMat<usize, f64>) -> Result<Self, SparseError> {
+        fn try_from(a: &SparseColMat<usize, f64>) -> Result<Self, InputError> {
             let entries: Vec<_> = a.triplet_iter().map(|t| (t.row, t.col, *t.val)).collect();
             Self::from_triplets(a.nrows(), a.ncols(), &entries)
         }
@@ -66,12 +67,13 @@ mod faer_matrices {
 mod nalgebra_sparse_matrices {
     use nalgebra_sparse::{CooMatrix, CscMatrix};
 
-    use crate::sparse::{Matrix, SparseError};
+    use crate::InputError;
+    use crate::sparse::Matrix;
 
     impl TryFrom<&CscMatrix<f64>> for Matrix {
-        type Error = SparseError;
+        type Error = InputError;
 
-        fn try_from(a: &CscMatrix<f64>) -> Result<Self, SparseError> {
+        fn try_from(a: &CscMatrix<f64>) -> Result<Self, InputError> {
             let entries: Vec<_> = a.triplet_iter().map(|(i, j, v)| (i, j, *v)).collect();
             Self::from_triplets(a.nrows(), a.ncols(), &entries)
         }
@@ -90,13 +92,14 @@ mod nalgebra_sparse_matrices {
 mod sprs_matrices {
     use sprs::CsMat;
 
-    use crate::sparse::{Matrix, SparseError};
+    use crate::InputError;
+    use crate::sparse::Matrix;
 
     /// Stored by rows or by columns.
     impl TryFrom<&CsMat<f64>> for Matrix {
-        type Error = SparseError;
+        type Error = InputError;
 
-        fn try_from(a: &CsMat<f64>) -> Result<Self, SparseError> {
+        fn try_from(a: &CsMat<f64>) -> Result<Self, InputError> {
             let entries: Vec<_> = a.iter().map(|(v, (i, j))| (i, j, *v)).collect();
             Self::from_triplets(a.rows(), a.cols(), &entries)
         }

@@ -2,6 +2,7 @@ use nalgebra::Cholesky;
 
 use super::spectral::{self, ScaledMatrix};
 use super::{LinearError, memory::check_finite};
+use crate::input::check_length;
 use crate::sparse::Matrix;
 
 fn dense(a: &Matrix) -> Result<ScaledMatrix, LinearError> {
@@ -49,13 +50,7 @@ pub fn symmetric_eigenvalues(a: &Matrix) -> Result<Vec<f64>, LinearError> {
 /// As [`symmetric_eigenvalues`]; different orders; B not positive definite.
 pub fn generalized_eigenvalues(a: &Matrix, b: &Matrix) -> Result<Vec<f64>, LinearError> {
     let (a, b) = (dense(a)?, dense(b)?);
-    if a.entries.nrows() != b.entries.nrows() {
-        return Err(LinearError::Shape {
-            what: "the second matrix",
-            expected: a.entries.nrows(),
-            found: b.entries.nrows(),
-        });
-    }
+    check_length("the second matrix", b.entries.nrows(), a.entries.nrows())?;
     let unit = a.unit / b.unit;
     let factor = Cholesky::new(b.entries).ok_or(LinearError::NotPositiveDefinite)?;
     let l = factor.l();

@@ -1,12 +1,15 @@
 use thiserror::Error;
 
 use crate::Cause;
-use crate::sparse::SparseError;
+use crate::InputError;
 
 /// What can go wrong in a factorisation or a solve.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum LinearError {
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// The matrix is singular to working precision.
     #[error("the matrix is singular to working precision (reciprocal condition {rcond:e})")]
     Singular {
@@ -35,16 +38,6 @@ pub enum LinearError {
         nrows: usize,
         /// Number of columns.
         ncols: usize,
-    },
-    /// An array does not fit the matrix.
-    #[error("{what} has length {found}, expected {expected}")]
-    Shape {
-        /// Which array.
-        what: &'static str,
-        /// Length (or multiple) required.
-        expected: usize,
-        /// Length given.
-        found: usize,
     },
     /// `factor` was called before `analyze`, or with another pattern.
     #[error("the pattern of this matrix has not been analysed; call `analyze` first")]
@@ -84,8 +77,5 @@ pub enum LinearError {
     },
     /// The time limit has passed.
     #[error("the time limit has passed")]
-    Interrupted,
-    /// A matrix could not be built.
-    #[error(transparent)]
-    Sparse(#[from] SparseError),
+    TimeLimit,
 }

@@ -1,7 +1,8 @@
 //! GMRES with a preconditioner on the right.
 
-use super::LinearError;
+use super::{KrylovReport, LinearError};
 use crate::parallel::{self, GRAIN, add_scaled, product};
+use crate::run::Status;
 use crate::sparse::dot;
 
 /// Workspace of restarted, right-preconditioned GMRES (Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986)).
@@ -22,26 +23,6 @@ pub(crate) struct Gmres {
     rhs: Vec<f64>,
     z: Vec<f64>,
     x: Vec<f64>,
-}
-
-/// How a solve went.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct GmresOutcome {
-    pub(crate) iterations: usize,
-    /// Euclidean norm of the residual, relative to that of the right-hand side.
-    pub(crate) residual: f64,
-    /// Why it ended; not meaningful where the residual fell to the aim.
-    pub(crate) end: GmresEnd,
-}
-
-/// Why a solve ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum GmresEnd {
-    Limit,
-    /// No progress in a cycle.
-    Stagnation,
-    /// A direction that the matrix maps to those before.
-    Breakdown,
 }
 
 impl Gmres {
@@ -77,7 +58,7 @@ impl Gmres {
         b: &mut [f64],
         aim: f64,
         limit: usize,
-    ) -> Result<GmresOutcome, LinearError> {
+    ) -> Result<KrylovReport, LinearError> {
         let n = b.len();
         let rows = self.directions + 1;
         at_least(n, &mut self.basis);
@@ -86,11 +67,8 @@ impl Gmres {
         self.x.clear();
         self.x.resize(n, 0.0);
         let size = product(b, b).sqrt();
-        let mut outcome = GmresOutcome {
-            iterations: 0,
-            residual: if size == 0.0 { 0.0 } else { 1.0 },
-            end: GmresEnd::Limit,
-        };
+        let residual = if size == 0.0 { 0.0 } else { 1.0 };
+        let mut outcome = KrylovReport::new(Status::IterationLimit, 0, residual);
         // `b` is the residual from here on.
         while outcome.residual > aim && outcome.iterations < limit {
             let before = outcome.residual;
@@ -132,7 +110,8 @@ impl Gmres {
             };
             outcome.residual = self.rhs[k].abs() / size;
             if !goes_on {
-                outcome.end = GmresEnd::Breakdown;
+                // A direction that the matrix maps to those before.
+                outcome.status = Status::Singular;
                 break;
             }
             if outcome.residual > aim {
@@ -142,12 +121,15 @@ impl Gmres {
                 multiply(&self.z, image);
                 add_scaled(-1.0, image, b);
                 if outcome.residual > 0.999 * before {
-                    outcome.end = GmresEnd::Stagnation;
+                    outcome.status = Status::Stalled;
                     break;
                 }
             }
         }
         b.copy_from_slice(&self.x);
+        if outcome.residual <= aim {
+            outcome.status = Status::Solved;
+        }
         Ok(outcome)
     }
 

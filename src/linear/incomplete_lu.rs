@@ -1,5 +1,6 @@
 use super::LinearError;
 use super::memory::check_finite;
+use crate::input::check_length;
 use crate::sparse::MatrixRef;
 use crate::tolerances::NONE;
 
@@ -112,13 +113,7 @@ impl Preconditioner for IncompleteLu {
 
     fn apply(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
         let n = self.diagonal.len();
-        if b.len() != n {
-            return Err(LinearError::Shape {
-                what: "the right-hand side",
-                expected: n,
-                found: b.len(),
-            });
-        }
+        check_length("the right-hand side", b.len(), n)?;
         for j in 0..n {
             let x = b[j];
             for e in self.diagonal[j] + 1..self.col_ptr[j + 1] {

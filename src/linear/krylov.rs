@@ -3,8 +3,9 @@
 use std::cell::RefCell;
 use std::fmt;
 
-use super::gmres::{Gmres, GmresEnd};
+use super::gmres::Gmres;
 use super::{LinearError, LinearOperator};
+use crate::input::check_length;
 use crate::run::Status;
 use crate::sparse::{distance, dot, norm};
 
@@ -44,6 +45,16 @@ pub struct KrylovReport {
 }
 
 impl KrylovReport {
+    /// For methods of your own.
+    #[must_use]
+    pub const fn new(status: Status, iterations: usize, residual: f64) -> Self {
+        Self {
+            iterations,
+            residual,
+            status,
+        }
+    }
+
     /// Whether the residual fell by the requested factor.
     #[must_use]
     pub fn is_solved(&self) -> bool {
@@ -155,7 +166,7 @@ impl Krylov {
     /// The report tells whether the method converged; if not, `b` holds the best x all the same.
     ///
     /// # Errors
-    /// [`LinearError::Shape`] for a `b` of another length; [`LinearError::NotFinite`] where `b`, a product or a result of the
+    /// [`InputError::Length`](crate::InputError::Length) for a `b` of another length; [`LinearError::NotFinite`] where `b`, a product or a result of the
     /// preconditioner is NaN or infinite, or the solution overflows; errors of the preconditioner. `b` then holds the last finite x, or 0,
     /// unless it contained such numbers.
     pub fn solve(
@@ -165,13 +176,7 @@ impl Krylov {
         tolerance: f64,
     ) -> Result<KrylovReport, LinearError> {
         let n = a.order();
-        if b.len() != n {
-            return Err(LinearError::Shape {
-                what: "the right-hand side",
-                expected: n,
-                found: b.len(),
-            });
-        }
+        check_length("the right-hand side", b.len(), n)?;
         let size = norm(b);
         if !size.is_finite() {
             return Err(NOT_FINITE_RHS);
@@ -289,20 +294,9 @@ impl Krylov {
             tolerance,
             limit,
         );
-        let outcome = outcome.map_err(|e| match e {
+        outcome.map_err(|e| match e {
             LinearError::Inaccurate { residual } if !residual.is_finite() => NOT_FINITE_PRODUCT,
             e => e,
-        })?;
-        let status = match outcome.end {
-            _ if outcome.residual <= tolerance => Status::Solved,
-            GmresEnd::Limit => Status::IterationLimit,
-            GmresEnd::Stagnation => Status::Stalled,
-            GmresEnd::Breakdown => Status::Singular,
-        };
-        Ok(KrylovReport {
-            iterations: outcome.iterations,
-            residual: outcome.residual,
-            status,
         })
     }
 

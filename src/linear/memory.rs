@@ -1,4 +1,6 @@
 use super::LinearError;
+use crate::InputError;
+use crate::input::check_length;
 use crate::sparse::{MatrixRef, PatternRef};
 
 /// Order of the largest square array of numbers, 20 GB: elimination of it takes a day.
@@ -84,13 +86,7 @@ impl PatternMemory {
         if !self.known || !self.is(a.pattern) {
             return Err(LinearError::NotAnalyzed);
         }
-        if a.values.len() != self.len() {
-            return Err(LinearError::Shape {
-                what: "the array of values",
-                expected: self.len(),
-                found: a.values.len(),
-            });
-        }
+        check_length("the array of values", a.values.len(), self.len())?;
         Ok(())
     }
 
@@ -150,11 +146,11 @@ fn validate(p: PatternRef<'_>) -> Result<(), LinearError> {
 pub(super) fn count_rhs(n: usize, b: &[f64]) -> Result<usize, LinearError> {
     let k = b.len().checked_div(n).unwrap_or(0);
     if k * n != b.len() {
-        return Err(LinearError::Shape {
+        return Err(LinearError::Input(InputError::Length {
             what: "the block of right-hand sides",
             expected: n * (k + 1),
             found: b.len(),
-        });
+        }));
     }
     Ok(k)
 }

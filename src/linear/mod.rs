@@ -126,13 +126,13 @@ pub trait LinearSolver {
     /// Factors a matrix over the analysed pattern.
     ///
     /// # Errors
-    /// [`LinearError::Singular`], [`LinearError::NotFinite`], [`LinearError::NotAnalyzed`] or [`LinearError::Shape`].
+    /// [`LinearError::Singular`], [`LinearError::NotFinite`], [`LinearError::NotAnalyzed`] or [`InputError::Length`](crate::InputError::Length).
     fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError>;
 
     /// Overwrites `b` (n × k, column-major: any number of right-hand sides) by `A⁻¹ b`.
     ///
     /// # Errors
-    /// [`LinearError::NotFactored`], [`LinearError::Shape`], [`LinearError::Inaccurate`].
+    /// [`LinearError::NotFactored`], [`InputError::Length`](crate::InputError::Length), [`LinearError::Inaccurate`].
     fn solve_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError>;
 
     /// Overwrites `b` (n × k, column-major) by `A⁻ᵀ b`.

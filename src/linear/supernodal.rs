@@ -90,7 +90,7 @@ pub(super) fn factorize(
     );
     for s in 0..count {
         if until.is_over() {
-            return Err(LinearError::Interrupted);
+            return Err(LinearError::TimeLimit);
         }
         let (start, width) = (begin[s], end[s] - begin[s]);
         let below = pattern(s);
@@ -198,7 +198,7 @@ fn dense(mut own: MatMut<'_, f64>, scratch: &mut [MaybeUninit<u8>], until: Until
     let (rows, width) = (own.nrows(), own.ncols());
     for k in (0..width).step_by(COLUMNS) {
         if until.is_over() {
-            return Err(LinearError::Interrupted);
+            return Err(LinearError::TimeLimit);
         }
         let w = COLUMNS.min(width - k);
         let (left, right) = own.as_mut().split_at_col_mut(k + w);
@@ -317,7 +317,7 @@ mod tests {
         let over = Until::after(Some(Duration::ZERO));
         assert!(matches!(
             cholesky.factor_by_pivots(a.as_ref(), over),
-            Err(LinearError::Interrupted)
+            Err(LinearError::TimeLimit)
         ));
         cholesky.factor_by_pivots(a.as_ref(), Until::default()).unwrap();
         let span = a.pattern().col_ptr()[n / 2]..a.pattern().col_ptr()[n / 2 + 1];

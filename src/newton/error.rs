@@ -1,8 +1,11 @@
+use std::fmt;
+
 use thiserror::Error;
 
 use super::Report;
+use crate::InputError;
 use crate::linear::LinearError;
-use crate::piecewise::PiecewiseError;
+use crate::piecewise::{PiecewiseError, carries_maps};
 use crate::run::Status;
 use crate::words::Count;
 
@@ -10,19 +13,12 @@ use crate::words::Count;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum NewtonError {
-    /// An option is out of its range.
-    #[error("option {name} = {value} is out of range; it must be {range}")]
-    Option {
-        /// Name of the field.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// The range.
-        range: &'static str,
-    },
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// The map or the start is unusable.
     #[error(transparent)]
-    Map(#[from] PiecewiseError),
+    Map(PiecewiseError),
     /// The linear solver refused the problem.
     #[error(transparent)]
     Linear(#[from] LinearError),
@@ -34,8 +30,10 @@ pub enum NewtonError {
     Failed(Box<Unsolved>),
 }
 
-/// The state at the end of a failed run.
-#[derive(Debug, Clone, PartialEq)]
+carries_maps!(NewtonError);
+
+/// The state at the end of a failed run. Its `Debug` leaves out vectors and history, so that a `main` which returns the error prints a line.
+#[derive(Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Unsolved {
@@ -47,4 +45,14 @@ pub struct Unsolved {
     pub residual_norm: f64,
     /// The history.
     pub report: Report,
+}
+
+impl fmt::Debug for Unsolved {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Unsolved")
+            .field("status", &self.status)
+            .field("residual_norm", &self.residual_norm)
+            .field("iterations", &self.report.history.len())
+            .finish_non_exhaustive()
+    }
 }

@@ -1,4 +1,6 @@
-use super::{Damping, NewtonError};
+use super::Damping;
+use crate::InputError;
+use crate::input::{any, check_options, fraction, not_negative};
 use crate::linear::KrylovMethod;
 use crate::options::setters;
 
@@ -160,8 +162,8 @@ impl NewtonKrylovOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`NewtonError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), NewtonError> {
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
         let (gamma, alpha, constant) = match self.forcing {
             Forcing::Decrease { gamma, alpha } => (gamma, alpha, 0.5),
             Forcing::Constant(eta) => (0.9, 2.0, eta),
@@ -171,71 +173,26 @@ impl NewtonKrylovOptions {
             KrylovMethod::Gmres { directions } | KrylovMethod::FlexibleGmres { directions } => directions,
             _ => 1,
         };
-        let unit = |v: f64| v > 0.0 && v < 1.0;
-        let tolerance = |v: f64| v >= 0.0 && v.is_finite();
-        let checks = [
-            (
-                "first_forcing",
-                self.first_forcing,
-                unit(self.first_forcing),
-                "in (0, 1)",
-            ),
-            (
-                "max_forcing",
-                self.max_forcing,
-                unit(self.max_forcing),
-                "in (0, 1)",
-            ),
+        let is_constant = constant > 0.0 && constant < 1.0;
+        check_options(&[
+            fraction("first_forcing", self.first_forcing),
+            fraction("max_forcing", self.max_forcing),
             (
                 "forcing",
                 constant,
-                unit(constant),
+                is_constant,
                 "a number in (0, 1) where it is constant",
             ),
             ("forcing.gamma", gamma, gamma > 0.0 && gamma <= 1.0, "in (0, 1]"),
             ("forcing.alpha", alpha, alpha > 1.0 && alpha <= 2.0, "in (1, 2]"),
-            (
-                "method.directions",
-                directions as f64,
-                directions > 0,
-                "at least 1",
-            ),
-            (
-                "max_linear_iterations",
-                self.max_linear_iterations as f64,
-                self.max_linear_iterations > 0,
-                "at least 1",
-            ),
-            (
-                "max_iterations",
-                self.max_iterations as f64,
-                self.max_iterations > 0,
-                "at least 1",
-            ),
-            (
-                "absolute_tolerance",
-                self.absolute_tolerance,
-                tolerance(self.absolute_tolerance),
-                "finite and at least 0",
-            ),
-            (
-                "relative_tolerance",
-                self.relative_tolerance,
-                tolerance(self.relative_tolerance),
-                "finite and at least 0",
-            ),
-            ("armijo", self.armijo, unit(self.armijo), "in (0, 1)"),
-            (
-                "min_damping",
-                self.min_damping,
-                unit(self.min_damping),
-                "in (0, 1)",
-            ),
-        ];
-        match checks.into_iter().find(|c| !c.2) {
-            Some((name, value, _, range)) => Err(NewtonError::Option { name, value, range }),
-            None => Ok(()),
-        }
+            any("method.directions", directions as u64),
+            any("max_linear_iterations", self.max_linear_iterations as u64),
+            any("max_iterations", self.max_iterations as u64),
+            not_negative("absolute_tolerance", self.absolute_tolerance),
+            not_negative("relative_tolerance", self.relative_tolerance),
+            fraction("armijo", self.armijo),
+            fraction("min_damping", self.min_damping),
+        ])
     }
 }
 

@@ -5,8 +5,9 @@ use std::ops::ControlFlow;
 use super::forcing::Before;
 use super::iterate::JUMP;
 use super::{Convergence, Damping, Iteration, NewtonError, NewtonKrylovOptions, Report, Step, Unsolved};
+use crate::input::check_vector;
 use crate::linear::{Krylov, LinearError};
-use crate::piecewise::{MatrixFree, PiecewiseError, check_vector};
+use crate::piecewise::{MatrixFree, PiecewiseError};
 use crate::run::Status;
 use crate::sparse::{distance, norm as norm2};
 

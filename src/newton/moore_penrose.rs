@@ -3,8 +3,10 @@ mod correct;
 
 use self::condensed::CondensedSystem;
 use super::chords::Secants;
+use crate::InputError;
+use crate::input::check_length;
 use crate::linear::{Bordered, DENSE_LIMIT, LinearError, LinearSolver, RowUpdates};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_length, check_selection};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_selection};
 use crate::sparse::Matrix;
 
 /// The Moore–Penrose corrector of curves H(x) = 0 (n equations, n + 1 variables), with its workspaces.
@@ -101,11 +103,11 @@ impl<L: LinearSolver> MoorePenrose<L> {
         }
         let pattern = map.pattern();
         if pattern.nrows() != n || pattern.ncols() != m {
-            return Err(PiecewiseError::Length {
+            return Err(PiecewiseError::Input(InputError::Length {
                 what: "the declared pattern (rows times columns)",
                 expected: n * m,
                 found: pattern.nrows() * pattern.ncols(),
-            });
+            }));
         }
         Ok(Self {
             bordered: Bordered::new(&pattern, solver)?,

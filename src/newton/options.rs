@@ -1,4 +1,5 @@
-use super::NewtonError;
+use crate::InputError;
+use crate::input::{any, check_options, fraction, not_negative};
 use crate::options::setters;
 use crate::piecewise::RegularityOptions;
 
@@ -81,37 +82,17 @@ impl NewtonOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`NewtonError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), NewtonError> {
-        let bad = |name, value, range| Err(NewtonError::Option { name, value, range });
-        let nonnegative = |v: f64| v >= 0.0 && v.is_finite();
-        let open_unit = |v: f64| v > 0.0 && v < 1.0;
-        if self.max_iterations == 0 {
-            return bad("max_iterations", 0.0, "at least 1");
-        }
-        if !nonnegative(self.absolute_tolerance) {
-            return bad(
-                "absolute_tolerance",
-                self.absolute_tolerance,
-                "finite and at least 0",
-            );
-        }
-        if !nonnegative(self.relative_tolerance) {
-            return bad(
-                "relative_tolerance",
-                self.relative_tolerance,
-                "finite and at least 0",
-            );
-        }
-        if !open_unit(self.armijo) {
-            return bad("armijo", self.armijo, "in (0, 1)");
-        }
-        if !open_unit(self.min_damping) {
-            return bad("min_damping", self.min_damping, "in (0, 1)");
-        }
-        if let Some(regularity) = &self.regularity {
-            regularity.validate()?;
-        }
-        Ok(())
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        check_options(&[
+            any("max_iterations", self.max_iterations as u64),
+            not_negative("absolute_tolerance", self.absolute_tolerance),
+            not_negative("relative_tolerance", self.relative_tolerance),
+            fraction("armijo", self.armijo),
+            fraction("min_damping", self.min_damping),
+        ])?;
+        self.regularity
+            .as_ref()
+            .map_or(Ok(()), RegularityOptions::validate)
     }
 }

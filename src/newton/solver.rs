@@ -4,6 +4,7 @@ use super::iterate::iterate;
 use super::system::{PsBuffers, PsSystem, SemismoothSystem};
 use super::workspace::Workspace;
 use super::{Convergence, Iteration, NewtonError, NewtonOptions, Report};
+use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::piecewise::{
     PiecewiseError, PiecewiseSmooth, Selection, Semismooth, TestLayout, regularity_report, semismooth_report,
@@ -263,7 +264,7 @@ fn run(
     observe: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Convergence, NewtonError> {
     options.validate()?;
-    crate::piecewise::check_vector("the start x", x, m)?;
+    check_vector("the start x", x, m)?;
     if !work.fits(m, n) {
         work.prepare(pattern(), m, n)?;
     }

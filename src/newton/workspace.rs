@@ -1,4 +1,5 @@
 use super::{NewtonError, Report};
+use crate::InputError;
 use crate::judge::Judge;
 use crate::piecewise::PiecewiseError;
 use crate::sparse::{Matrix, Pattern};
@@ -41,11 +42,11 @@ impl Workspace {
         ];
         for (what, expected, found) in sides {
             if found != expected {
-                return Err(PiecewiseError::Length {
+                return Err(PiecewiseError::Input(InputError::Length {
                     what,
                     expected,
                     found,
-                }
+                })
                 .into());
             }
         }

@@ -1,35 +1,19 @@
 use thiserror::Error;
 
 use crate::Cause;
+use crate::InputError;
 use crate::complementarity::ComplementarityError;
 use crate::run::Status;
 use crate::sensitivity::SensitivityError;
-use crate::variational::{Infeasibility, VariationalError};
+use crate::variational::Infeasibility;
 
 /// What can be wrong with a problem of optimisation, and why a function has no value or gradient at a point.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum OptimiseError {
-    /// A vector has the wrong length.
-    #[error("{what} has length {found}, expected {expected}")]
-    Length {
-        /// Which one.
-        what: &'static str,
-        /// Length required.
-        expected: usize,
-        /// Length given.
-        found: usize,
-    },
-    /// An option is out of its range.
-    #[error("option {name} = {value} is out of range; it must be {range}")]
-    Option {
-        /// Name of the field.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// The range.
-        range: &'static str,
-    },
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// No parameters satisfy the constraints, which is proven.
     #[error(
         "no parameters satisfy the constraints; the certificate says which of them contradict each other"
@@ -55,7 +39,4 @@ pub enum OptimiseError {
     /// The complementarity problem was refused.
     #[error(transparent)]
     Complementarity(#[from] ComplementarityError),
-    /// The constraints, or a start, were refused.
-    #[error(transparent)]
-    Set(#[from] VariationalError),
 }

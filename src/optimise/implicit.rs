@@ -2,7 +2,9 @@ use std::time::Duration;
 
 use super::{Objective, OptimiseError};
 use crate::Cause;
+use crate::InputError;
 use crate::complementarity::{ComplementarityError, Mcp, McpFunction, McpOptions, McpSolver};
+use crate::input::check_length;
 use crate::piecewise::PiecewiseSmooth;
 use crate::sensitivity::Sensitivity;
 use crate::sparse::Matrix;
@@ -39,18 +41,12 @@ impl<F: McpFunction, P: PiecewiseSmooth, O: McpFunction> Implicit<F, P, O> {
             ("the value of the objective", 1, objective.num_values()),
         ];
         for (what, expected, found) in lengths {
-            if found != expected {
-                return Err(OptimiseError::Length {
-                    what,
-                    expected,
-                    found,
-                });
-            }
+            check_length(what, found, expected)?;
         }
         if let Some(index) = x0.iter().position(|x| !x.is_finite()) {
             let value = x0[index];
             let what = "x0";
-            return Err(ComplementarityError::NotFinite { what, index, value }.into());
+            return Err(ComplementarityError::Input(InputError::NotFinite { what, index, value }).into());
         }
         Ok(Self {
             problem,

@@ -1,10 +1,10 @@
 //! The model of f near an iterate: the largest of linear functions, and its minimum.
 
 use crate::complementarity::pivoting::Lemke;
-use crate::complementarity::{Lcp, McpOptions, McpSolver, McpStrategy};
+use crate::complementarity::{ComplementarityError, Lcp, McpOptions, McpSolver, McpStrategy};
 use crate::run::Status;
 use crate::sparse::{Matrix, dot, norm};
-use crate::variational::{Multipliers, Polyhedron, VariationalError};
+use crate::variational::{Multipliers, Polyhedron};
 
 /// Natural residual of a quadratic program in its units up to which a solution that is not accurate in each of its rows is used, as p + ν and the
 /// errors are computed from the multipliers; and the part of the decrease by which a plane may be violated then.
@@ -158,7 +158,7 @@ impl Model {
         at: &[f64],
         u: f64,
         size_g: f64,
-    ) -> Result<Option<Direction>, VariationalError> {
+    ) -> Result<Option<Direction>, ComplementarityError> {
         let (n, planes) = (at.len(), self.planes.len());
         let unit = size_g / u;
         let measures: Vec<f64> = self.planes.iter().map(|p| p.locality(self.curvature)).collect();

@@ -1,6 +1,7 @@
 use std::time::Duration;
 
-use super::OptimiseError;
+use crate::InputError;
+use crate::input::{any, check_options, positive};
 use crate::options::setters;
 
 /// Options of [`Bundle`](super::Bundle).
@@ -63,25 +64,19 @@ impl BundleOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`OptimiseError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), OptimiseError> {
-        let bad = |name, value, range| Err(OptimiseError::Option { name, value, range });
-        let is_positive = |v: f64| v > 0.0 && v.is_finite();
-        if !is_positive(self.tolerance) {
-            return bad("tolerance", self.tolerance, "positive and finite");
-        }
-        if !is_positive(self.value_tolerance) {
-            return bad("value_tolerance", self.value_tolerance, "positive and finite");
-        }
-        if let Some(step) = self.step.filter(|step| !is_positive(*step)) {
-            return bad("step", step, "positive and finite");
-        }
-        if self.max_iterations == 0 {
-            return bad("max_iterations", 0.0, "at least 1");
-        }
-        if self.max_bundle < 3 {
-            return bad("max_bundle", self.max_bundle as f64, "at least 3");
-        }
-        Ok(())
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        check_options(&[
+            positive("tolerance", self.tolerance),
+            positive("value_tolerance", self.value_tolerance),
+            positive("step", self.step.unwrap_or(1.0)),
+            any("max_iterations", self.max_iterations as u64),
+            (
+                "max_bundle",
+                self.max_bundle as f64,
+                self.max_bundle >= 3,
+                "at least 3",
+            ),
+        ])
     }
 }

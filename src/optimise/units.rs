@@ -1,7 +1,8 @@
 //! Units of parameters.
 
+use crate::complementarity::ComplementarityError;
 use crate::sparse::Matrix;
-use crate::variational::{Polyhedron, VariationalError};
+use crate::variational::Polyhedron;
 
 /// Units in proportion to the widths of bounds, the widest having 1, as those without a finite one: powers of two, so that they round nothing.
 /// Steps, and the first metric, are those of parameters in these units: Young's modulus may stand beside a coefficient of friction.
@@ -19,7 +20,7 @@ pub(super) fn of(set: &Polyhedron) -> Vec<f64> {
 }
 
 /// The set in these units.
-pub(super) fn scaled(set: &Polyhedron, units: &[f64]) -> Result<Polyhedron, VariationalError> {
+pub(super) fn scaled(set: &Polyhedron, units: &[f64]) -> Result<Polyhedron, ComplementarityError> {
     let [lower, upper] =
         [set.lower(), set.upper()].map(|b| b.iter().zip(units).map(|(b, s)| b / s).collect());
     let mut made = Polyhedron::boxed(lower, upper)?;

@@ -233,7 +233,7 @@ impl Curve {
             style(ends[0].selection, ends[0].grazing).with_dashes(negative)
         });
         let transitions = branch.transitions.iter();
-        let folds = branch.smooth_folds.iter().map(|f| &f.point);
+        let folds = branch.smooth_folds.iter();
         let crossings = branch.branch_points.iter().map(|b| &b.point);
         let marks = transitions
             .map(|t| (Marker::from(t.kind), place(&t.x)))

@@ -3,11 +3,33 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::Cause;
+use crate::InputError;
+use crate::contact::ContactError;
+use crate::continuation::ContinuationError;
+use crate::fem::FemError;
 
 /// Errors in writing results.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum OutputError {
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// The curve of solutions.
+    #[error("the curve of solutions: {0}")]
+    Curve(#[from] ContinuationError),
+    /// The contact problem.
+    #[error("the contact problem: {0}")]
+    Contact(#[from] ContactError),
+    /// Displacements or stresses of the body.
+    #[error("the body: {0}")]
+    Body(#[from] FemError),
+    /// Names, unknowns to be drawn, or a range that do not fit the problem.
+    #[error("{what}")]
+    Report {
+        /// What is wrong, and what is expected.
+        what: String,
+    },
     /// There is nothing to draw.
     #[error("there is nothing to draw: {what}")]
     Empty {

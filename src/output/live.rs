@@ -123,13 +123,7 @@ mod json {
                 Some(b.arms.len()),
                 Some(b.complete),
             ),
-            Event::SmoothFold(f) => (
-                &f.point.tangent,
-                f.point.residual_norm,
-                f.point.det_sign,
-                None,
-                None,
-            ),
+            Event::SmoothFold(f) => (&f.tangent, f.residual_norm, f.det_sign, None, None),
             Event::Monitor(m) => (
                 &m.point.tangent,
                 m.point.residual_norm,

@@ -28,5 +28,5 @@ pub use live::CsvWriter;
 #[cfg(feature = "json")]
 pub use live::JsonLinesWriter;
 #[cfg(feature = "svg")]
-pub use report::{Report, ReportBody, ReportError, ReportOptions};
+pub use report::{Report, ReportBody, ReportOptions};
 pub use vtu::{Field, write_pvd, write_vtu};

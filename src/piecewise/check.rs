@@ -20,14 +20,16 @@ use std::fmt;
 
 use thiserror::Error;
 
-use super::error::check_vector;
-use super::{PiecewiseError, PiecewiseSmooth, Semismooth};
+use super::{PiecewiseSmooth, Semismooth};
 
 mod cells;
 mod derivatives;
 mod newton_derivative;
 mod session;
 
+use crate::InputError;
+use crate::input::check_vector;
+use crate::input::{any, check_options, positive};
 use crate::options::setters;
 use crate::words::Count;
 use session::Session;
@@ -84,18 +86,13 @@ impl CheckOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`CheckError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), CheckError> {
-        for (name, value) in [
-            ("tolerance", self.tolerance),
-            ("continuity_tolerance", self.continuity_tolerance),
-            ("max_findings", self.max_findings as f64),
-        ] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(CheckError::Option { name, value });
-            }
-        }
-        Ok(())
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        check_options(&[
+            positive("tolerance", self.tolerance),
+            positive("continuity_tolerance", self.continuity_tolerance),
+            any("max_findings", self.max_findings as u64),
+        ])
     }
 }
 
@@ -234,6 +231,9 @@ impl fmt::Display for Finding {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum CheckError {
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// The implementation is wrong.
     #[error("{} error(s) in the map:{}", .0.len(), list(.0))]
     Findings(Vec<Finding>),
@@ -249,15 +249,7 @@ pub enum CheckError {
         /// Number of the sample.
         point: usize,
         /// What is wrong.
-        source: PiecewiseError,
-    },
-    /// An option is out of its range.
-    #[error("option {name} = {value} is out of range; it must be positive and finite")]
-    Option {
-        /// Name of the field.
-        name: &'static str,
-        /// Its value.
-        value: f64,
+        source: InputError,
     },
 }
 
@@ -312,25 +304,16 @@ fn check_map(
     }
 }
 
-/// The result of [`check_semismooth`].
-#[derive(Debug, Clone, PartialEq, Default)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct SemismoothReport {
-    /// Number of samples examined.
-    pub points: usize,
-    /// At each sample the p for which ‖H(x + d) − H(x) − J(x + d) d‖ falls as ‖d‖^(1 + p), measured between 2⁻⁶ and 2⁻²⁰ of the sizes of the
-    /// variables in the row that falls slowest: the order of semismoothness, unless the remainder falls faster in the directions tried
-    /// than in others. 1: Newton's method converges quadratically. `None` where the remainder is rounding, as for affine pieces.
-    pub orders: Vec<Option<f64>>,
-}
-
 /// Tests a Newton derivative: whether [`Semismooth::jacobian`] makes H semismooth at given samples, and of which order.
 ///
 /// A semismooth map has ‖H(x + d) − H(x) − J(x + d) d‖ = o(‖d‖), one of order p has O(‖d‖^(1 + p)) (L. Qi, J. Sun, Math. Program. 58 (1993);
 /// M. Ulbrich, *Semismooth Newton Methods* (2011), section 2). This is measured in 8 directions at 15 distances. Samples on kinks test
 /// most; at smooth points the order is 1 or the remainder rounding. At points in general position next to the samples, where H is
 /// differentiable, entries are compared with difference quotients: a wrong one is reported with its row and column.
+///
+/// Gives the order at each sample: the p for which the remainder falls as ‖d‖^(1 + p), measured between 2⁻⁶ and 2⁻²⁰ of the sizes of the
+/// variables in the row that falls slowest, unless it falls faster in the directions tried than in others. 1: Newton's method converges
+/// quadratically. `None` where the remainder is rounding, as for affine pieces.
 ///
 /// Over these distances an order of 0.1 or less cannot be distinguished from 0, and counts as none. Of the options only `tolerance` and
 /// `max_findings` are used. Cost: 120 + 64 n residuals and 128 Jacobians a sample. Points at which the map is not
@@ -349,14 +332,14 @@ pub struct SemismoothReport {
 ///     fn residual(&self, x: &[f64], out: &mut [f64]) { out[0] = x[0] * x[0].abs().sqrt(); }
 ///     fn jacobian(&self, x: &[f64], jac: &mut Matrix) { jac.add(0, 0, 1.5 * x[0].abs().sqrt()); }
 /// }
-/// let report = check_semismooth(&Root, &[vec![0.0], vec![1.0]], &CheckOptions::default())?;
-/// assert!((report.orders[0].unwrap() - 0.5).abs() < 0.01 && (report.orders[1].unwrap() - 1.0).abs() < 0.05);
+/// let orders = check_semismooth(&Root, &[vec![0.0], vec![1.0]], &CheckOptions::default())?;
+/// assert!((orders[0].unwrap() - 0.5).abs() < 0.01 && (orders[1].unwrap() - 1.0).abs() < 0.05);
 /// # Ok::<(), semismooth::piecewise::check::CheckError>(())
 /// ```
 pub fn check_semismooth<S: Semismooth + ?Sized>(
     map: &S,
     samples: &[Vec<f64>],
     options: &CheckOptions,
-) -> Result<SemismoothReport, CheckError> {
+) -> Result<Vec<Option<f64>>, CheckError> {
     newton_derivative::check_map(&map, samples, options)
 }

@@ -1,7 +1,8 @@
-use super::error::check_vector;
 use super::orientation::{Cones, Signs, examine, no_determinant};
 use super::vanishing::pointed_into;
 use super::{CertificateDoubt, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set};
+use crate::InputError;
+use crate::input::{check_length, check_vector};
 use crate::sparse::Matrix;
 use crate::words;
 use std::fmt;
@@ -42,20 +43,14 @@ fn b_derivative_of(
     let (m, n) = (map.num_vars(), map.num_residuals());
     check_vector("the point x", x, m)?;
     check_vector("the direction d", d, m)?;
-    if out.len() != n {
-        return Err(PiecewiseError::Length {
-            what: "the output",
-            expected: n,
-            found: out.len(),
-        });
-    }
+    check_length("the output", out.len(), n)?;
     let pattern = map.pattern();
     if pattern.nrows() != n || pattern.ncols() != m {
-        return Err(PiecewiseError::Length {
+        return Err(PiecewiseError::Input(InputError::Length {
             what: "the declared pattern (rows times columns)",
             expected: n * m,
             found: pattern.nrows() * pattern.ncols(),
-        });
+        }));
     }
     let active = active_set(map, x, tolerance);
     let layout = TestLayout::new(map);

@@ -1,8 +1,10 @@
 //! Elements of the generalised Jacobians of Bouligand and Clarke.
 
-use super::error::{check_selection, check_vector};
+use super::error::check_selection;
 use super::orientation::{Cell, Cones};
 use super::{Activity, PiecewiseError, PiecewiseSmooth, Selection, active_set};
+use crate::InputError;
+use crate::input::check_vector;
 use crate::sparse::Matrix;
 use crate::tolerances::SAME;
 
@@ -77,10 +79,11 @@ fn element(
 
 fn check_jacobian(jac: &Matrix) -> Result<(), PiecewiseError> {
     match jac.triplets().find(|t| !t.2.is_finite()) {
-        Some((index, ..)) => Err(PiecewiseError::NotFinite {
+        Some((index, _, value)) => Err(PiecewiseError::Input(InputError::NotFinite {
             what: "the Jacobian of an active selection, row ",
             index,
-        }),
+            value,
+        })),
         None => Ok(()),
     }
 }

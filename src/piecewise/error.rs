@@ -1,30 +1,17 @@
 use thiserror::Error;
 
 use super::{PiecewiseSmooth, Selection};
+use crate::InputError;
+use crate::input::check_length;
 use crate::linear::LinearError;
 
 /// What can go wrong in analysing a piecewise-smooth map at a point.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PiecewiseError {
-    /// A vector has the wrong length.
-    #[error("{what} has length {found}, expected {expected}")]
-    Length {
-        /// Which vector.
-        what: &'static str,
-        /// Length required.
-        expected: usize,
-        /// Length given.
-        found: usize,
-    },
-    /// A value is NaN or infinite.
-    #[error("{what}[{index}] is not finite")]
-    NotFinite {
-        /// Which vector.
-        what: &'static str,
-        /// Position, from 0.
-        index: usize,
-    },
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// A selection names a piece that its site does not have: it is of another map, or its file was changed.
     #[error("{what} has piece {piece} at site {site}, whose pieces are counted from 0 and are {pieces}")]
     NoSuchPiece {
@@ -69,20 +56,26 @@ pub enum PiecewiseError {
         /// What is wrong.
         what: &'static str,
     },
-    /// An option is out of its range.
-    #[error("option {name} = {value} is out of range; it must be {range}")]
-    Option {
-        /// Name of the field.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// The range.
-        range: &'static str,
-    },
     /// A linear-algebra failure.
     #[error(transparent)]
     Linear(#[from] LinearError),
 }
+
+/// An error that carries those of maps: what is wrong with data is its `Input`.
+macro_rules! carries_maps {
+    ($error:ty) => {
+        impl From<PiecewiseError> for $error {
+            fn from(error: PiecewiseError) -> Self {
+                match error {
+                    PiecewiseError::Input(error) => Self::Input(error),
+                    error => Self::Map(error),
+                }
+            }
+        }
+    };
+}
+
+pub(crate) use carries_maps;
 
 /// Checks that a selection is one of the map's.
 pub(crate) fn check_selection<P: PiecewiseSmooth + ?Sized>(
@@ -90,13 +83,7 @@ pub(crate) fn check_selection<P: PiecewiseSmooth + ?Sized>(
     selection: &Selection,
     map: &P,
 ) -> Result<(), PiecewiseError> {
-    if selection.len() != map.num_sites() {
-        return Err(PiecewiseError::Length {
-            what,
-            expected: map.num_sites(),
-            found: selection.len(),
-        });
-    }
+    check_length(what, selection.len(), map.num_sites())?;
     for (site, piece) in selection.pieces().enumerate() {
         let pieces = map.num_pieces(site);
         if piece >= pieces {
@@ -109,25 +96,4 @@ pub(crate) fn check_selection<P: PiecewiseSmooth + ?Sized>(
         }
     }
     Ok(())
-}
-
-/// Checks the length of a vector, not its entries.
-pub(crate) fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), PiecewiseError> {
-    match found == expected {
-        true => Ok(()),
-        false => Err(PiecewiseError::Length {
-            what,
-            expected,
-            found,
-        }),
-    }
-}
-
-/// Checks the length of a vector and that its entries are finite.
-pub(crate) fn check_vector(what: &'static str, v: &[f64], expected: usize) -> Result<(), PiecewiseError> {
-    check_length(what, v.len(), expected)?;
-    match v.iter().position(|x| !x.is_finite()) {
-        Some(index) => Err(PiecewiseError::NotFinite { what, index }),
-        None => Ok(()),
-    }
 }

@@ -1,6 +1,7 @@
-use super::error::{check_selection, check_vector};
+use super::error::check_selection;
 use super::vanishing::gradient_of;
 use super::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set};
+use crate::input::check_vector;
 use crate::tolerances::RESULT;
 
 /// Whether a selection is essentially active: x lies in the closure of the interior of {H = H^(σ)} (Scholtes 2012, ch. 4).

@@ -1,10 +1,10 @@
 //! The implicit function of a piecewise-smooth map and its parameter.
 
 use super::determinants::Examined;
-use super::error::check_vector;
 use super::orientation::{CLEAR, Cones, examine};
 use super::uniqueness::verdict;
 use super::{ActiveSet, LocalUniqueness, PiecewiseError, PiecewiseSmooth, Selection, active_set};
+use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
 use crate::tolerances::DOUBTFUL;

@@ -1,9 +1,9 @@
 use super::determinants::{Determinant, Determinants};
-use super::error::check_vector;
 use super::orientation::{CLEAR, Cell, Cones, Side, Target};
 use super::regularity::square;
 use super::uniqueness::TRIES;
 use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, active_set};
+use crate::input::check_vector;
 use crate::linear::null_space;
 use crate::sparse::Matrix;
 use crate::tolerances::{DENSE, DOUBTFUL, SAME};

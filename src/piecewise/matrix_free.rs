@@ -1,4 +1,5 @@
 use super::Semismooth;
+use crate::InputError;
 use crate::linear::{LinearError, LinearOperator, Preconditioner};
 use crate::sparse::Matrix;
 
@@ -140,11 +141,11 @@ impl<S: Semismooth + ?Sized, P: Preconditioner> MatrixFree for Assembled<'_, S, 
             return Err(LinearError::Solver { what });
         }
         if self.matrix.nrows() != n || self.matrix.ncols() != n {
-            return Err(LinearError::Shape {
+            return Err(LinearError::Input(InputError::Length {
                 what: "the pattern of the map (rows)",
                 expected: n,
                 found: self.matrix.nrows(),
-            });
+            }));
         }
         self.preconditioner.prepare(self.matrix.as_ref())
     }

@@ -53,7 +53,7 @@ pub use derivative::{CoherentOrientation, b_derivative, coherent_orientation};
 pub(crate) use determinants::{ExactSigns, near};
 pub use elements::{BElement, b_subdifferential, clarke_element};
 pub use error::PiecewiseError;
-pub(crate) use error::{check_length, check_selection, check_vector};
+pub(crate) use error::{carries_maps, check_selection};
 pub(crate) use essential::open_cone;
 pub use essential::{Activity, essential_activity};
 pub use exact_pieces::{ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite};

@@ -1,10 +1,10 @@
 //! Regularity of the generalised Jacobians at a point.
 
 use super::determinants::{Determinant, Determinants};
-use super::error::check_vector;
 use super::hull::{self, Hull};
 use super::orientation::{Cell, Cones, sign_of};
 use super::{CertificateDoubt, PiecewiseError, PiecewiseSmooth, Selection, active_set};
+use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError, LinearSolver, least_singular_value};
 use crate::sparse::{Matrix, Pattern};
 use crate::tolerances::{DENSE, DOUBTFUL, HALVINGS};

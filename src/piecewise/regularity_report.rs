@@ -4,6 +4,8 @@ use super::derivative::orientation_of;
 use super::regularity::{convex_hull, examine};
 use super::semismooth_regularity::examine_elements;
 use super::{CoherentOrientation, PiecewiseError, PiecewiseSmooth, Regularity, Semismooth};
+use crate::InputError;
+use crate::input::{check_options, not_negative};
 use crate::options::setters;
 use crate::words;
 use std::fmt;
@@ -44,16 +46,9 @@ impl RegularityOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`PiecewiseError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), PiecewiseError> {
-        if self.tolerance >= 0.0 && self.tolerance.is_finite() {
-            return Ok(());
-        }
-        Err(PiecewiseError::Option {
-            name: "regularity.tolerance",
-            value: self.tolerance,
-            range: "finite and at least 0",
-        })
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        check_options(&[not_negative("regularity.tolerance", self.tolerance)])
     }
 }
 

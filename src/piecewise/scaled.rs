@@ -2,6 +2,7 @@ use std::borrow::Cow;
 use std::cell::RefCell;
 
 use super::{Condensed, ExactPieces, Expansions, Facet, PiecewiseError, PiecewiseSmooth, Selection};
+use crate::input::check_vector;
 use crate::sparse::{Matrix, Pattern, norm};
 
 /// A map in scaled variables z, x = D z, where D holds typical sizes of the variables. Distances and angles in z do not depend on the
@@ -167,7 +168,7 @@ fn sizes_of(map: &dyn PiecewiseSmooth, given: &[f64], range: (f64, f64)) -> Resu
 
 /// Checks that there are `expected` sizes, all positive and finite.
 pub(crate) fn check_sizes(sizes: &[f64], expected: usize) -> Result<(), PiecewiseError> {
-    super::check_vector("the list of typical sizes", sizes, expected)?;
+    check_vector("the list of typical sizes", sizes, expected)?;
     match sizes.iter().position(|s| *s <= 0.0) {
         Some(index) => Err(PiecewiseError::Size {
             index,

@@ -1,9 +1,10 @@
 //! Regularity of semismooth maps that give their B-subdifferential.
 
-use super::error::check_vector;
 use super::orientation::sign_of;
 use super::regularity::{Element, Tally, convex_hull, singular};
 use super::{CertificateDoubt, PiecewiseError, Regularity, Selection, Semismooth};
+use crate::InputError;
+use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::tolerances::DOUBTFUL;
 
@@ -80,11 +81,11 @@ pub(super) fn examine_elements(
     solver.analyze(pattern.leading_columns(pattern.ncols()))?;
     for (k, matrix) in matrices.into_iter().enumerate() {
         if *matrix.pattern() != pattern {
-            return Err(PiecewiseError::Length {
+            return Err(PiecewiseError::Input(InputError::Length {
                 what: "the entries of an element of the B-subdifferential",
                 expected: pattern.row_idx().len(),
                 found: matrix.pattern().row_idx().len(),
-            });
+            }));
         }
         if let Some((row, col)) = matrix.stray() {
             return Err(PiecewiseError::StrayEntry { row, col });

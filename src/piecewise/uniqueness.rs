@@ -2,9 +2,10 @@ use std::borrow::Cow;
 use std::fmt;
 
 use super::determinants::Examined;
-use super::error::check_vector;
 use super::orientation::{Cones, Side, Signs, examine, no_determinant};
 use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection};
+use crate::InputError;
+use crate::input::check_vector;
 use crate::linear::{LinearError, LinearSolver};
 use crate::sparse::Matrix;
 use crate::tolerances::{COLUMNS, DOUBTFUL};
@@ -295,11 +296,11 @@ fn check_rows(load: &Matrix, n: usize) -> Result<(), PiecewiseError> {
     if load.nrows() == n {
         return Ok(());
     }
-    Err(PiecewiseError::Length {
+    Err(PiecewiseError::Input(InputError::Length {
         what: "a column of the derivative with respect to the load",
         expected: n,
         found: load.nrows(),
-    })
+    }))
 }
 
 /// The verdict against a unique preimage of a coherently oriented B-derivative; `None` if exactly one was counted.

@@ -1,8 +1,10 @@
 //! The derivative of one selection's solutions, on factors that are kept.
 
 use super::SensitivityError;
+use crate::InputError;
+use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError, LinearSolver, least_singular_value};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_vector, square};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, square};
 use crate::sparse::Matrix;
 use crate::spread::Random;
 use crate::tolerances::DENSE;
@@ -130,10 +132,11 @@ pub(super) fn derivatives(
         return Err(PiecewiseError::StrayEntry { row, col });
     }
     match jacobian.triplets().find(|t| !t.2.is_finite()) {
-        Some((index, ..)) => Err(PiecewiseError::NotFinite {
+        Some((index, _, value)) => Err(PiecewiseError::Input(InputError::NotFinite {
             what: "the derivative of the equations, row ",
             index,
-        }),
+            value,
+        })),
         None => Ok(()),
     }
 }
@@ -155,7 +158,7 @@ pub(super) fn rate(
 }
 
 fn finite(v: &[f64]) -> Result<(), PiecewiseError> {
-    check_vector("the derivative of the solution", v, v.len())
+    Ok(check_vector("the derivative of the solution", v, v.len())?)
 }
 
 /// How far roundings of the terms of J v + ∂_θH δ, d = (v, δ), move its zero v, component by component: |J⁻¹|

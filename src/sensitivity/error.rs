@@ -1,8 +1,9 @@
 use thiserror::Error;
 
+use crate::InputError;
 use crate::continuation::ContinuationError;
 use crate::linear::LinearError;
-use crate::piecewise::{LocalUniqueness, PiecewiseError, Selection};
+use crate::piecewise::{LocalUniqueness, PiecewiseError, Selection, carries_maps};
 use crate::words::Size;
 
 /// Why a derivative of a solution is not given.
@@ -19,9 +20,12 @@ pub enum SensitivityError {
         /// Number of residuals.
         residuals: usize,
     },
-    /// A vector or the map does not fit, or a value is not finite.
+    /// The map does not fit.
     #[error(transparent)]
-    Map(#[from] PiecewiseError),
+    Map(PiecewiseError),
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// No derivative of the map depends on a parameter.
     #[error("parameter {parameter} does not enter the equations; leave it out or correct the function")]
     NotEntering {
@@ -106,6 +110,8 @@ pub enum SensitivityError {
     #[error(transparent)]
     Continuation(#[from] ContinuationError),
 }
+
+carries_maps!(SensitivityError);
 
 impl From<LinearError> for SensitivityError {
     fn from(error: LinearError) -> Self {

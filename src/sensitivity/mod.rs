@@ -33,8 +33,9 @@ pub use error::SensitivityError;
 pub use parameters::Loaded;
 pub use range::Validity;
 
+use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
-use crate::piecewise::{PiecewiseSmooth, check_vector};
+use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::Matrix;
 use point::Solved;
 

@@ -2,9 +2,11 @@
 
 use std::borrow::Cow;
 
+use crate::InputError;
+use crate::input::check_length;
 use crate::linear::LinearError;
-use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth, Selection, check_length};
-use crate::sparse::{Matrix, Pattern, SparseError};
+use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth, Selection};
+use crate::sparse::{Matrix, Pattern};
 
 /// What a map in other variables has in common with the one it is made of.
 macro_rules! same_pieces {
@@ -95,7 +97,7 @@ impl<P: PiecewiseSmooth> Loaded<P> {
 }
 
 /// Two patterns of as many rows, one beside the other.
-fn beside(left: &Pattern, right: &Pattern) -> Result<Pattern, SparseError> {
+fn beside(left: &Pattern, right: &Pattern) -> Result<Pattern, InputError> {
     let mut ptr = left.col_ptr().to_vec();
     ptr.extend(right.col_ptr()[1..].iter().map(|p| left.nnz() + p));
     let mut rows = left.row_idx().to_vec();

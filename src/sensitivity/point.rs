@@ -2,10 +2,11 @@
 
 use super::element::{Element, WIDTH, derivatives, rate, widths};
 use super::{SensitivityError, limit};
+use crate::input::{check_length, check_vector};
 use crate::linear::{AutoSolver, LinearError};
 use crate::piecewise::{
     ActiveSet, LocalUniqueness, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing,
-    check_length, check_vector, implicit_verdict, select_pieces,
+    implicit_verdict, select_pieces,
 };
 use crate::sparse::{Matrix, max_abs};
 use crate::spread::Random;

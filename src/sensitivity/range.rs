@@ -8,7 +8,9 @@ use super::element::Element;
 use super::parameters::Line;
 use super::point::{Solved, Verdict, hidden, spreads};
 use crate::continuation::{Continuation, ContinuationOptions, Direction, Event, Termination};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, check_vector};
+use crate::input::check_vector;
+use crate::input::{check_options, positive};
+use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::max_abs;
 
 /// Events before this part of the horizon are the kink that the solution is on.
@@ -59,13 +61,7 @@ impl Solved {
         horizon: f64,
     ) -> Result<Validity, SensitivityError> {
         check_vector("the change of the parameters", delta, self.num_parameters())?;
-        if !(horizon > 0.0 && horizon.is_finite()) {
-            return Err(SensitivityError::Map(PiecewiseError::Option {
-                name: "horizon",
-                value: horizon,
-                range: "positive and finite",
-            }));
-        }
+        check_options(&[positive("horizon", horizon)])?;
         if let Some(Verdict::Other(verdict)) = &self.verdict {
             let verdict = Box::new(verdict.clone());
             return Err(SensitivityError::NotUnique { verdict });

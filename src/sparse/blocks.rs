@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Range, Sub, SubAssign};
 
-use super::SparseError;
+use crate::InputError;
 use crate::parallel;
 
 /// Rows that one thread takes at a time.
@@ -188,7 +188,7 @@ impl<const B: usize, S: Entry> Symmetric<B, S> {
     }
 
     /// As [`Matrix::check_finite`](super::Matrix::check_finite), of the entries by component.
-    pub(crate) fn check_finite(&self) -> Result<(), SparseError> {
+    pub(crate) fn check_finite(&self) -> Result<(), InputError> {
         for i in 0..self.nrows() {
             let (cols, values) = self.lower.row(i);
             for (&j, block) in cols.iter().zip(values) {
@@ -196,7 +196,7 @@ impl<const B: usize, S: Entry> Symmetric<B, S> {
                     let value = value.wide();
                     if !value.is_finite() {
                         let (row, col) = (B * i + e / B, B * j as usize + e % B);
-                        return Err(SparseError::NotFinite { row, col, value });
+                        return Err(InputError::Entry { row, col, value });
                     }
                 }
             }

@@ -1,4 +1,5 @@
-use super::{Pattern, PatternRef, SparseError, max_abs};
+use super::{Pattern, PatternRef, max_abs};
+use crate::InputError;
 
 /// Values over a [`Pattern`].
 ///
@@ -36,7 +37,7 @@ pub struct Matrix {
 mod file {
     use serde::ser::{Error, Serializer};
 
-    use super::{Matrix, Pattern, SparseError};
+    use super::{InputError, Matrix, Pattern};
 
     #[derive(serde::Deserialize)]
     #[serde(rename = "Matrix")]
@@ -47,9 +48,9 @@ mod file {
     }
 
     impl TryFrom<Unchecked> for Matrix {
-        type Error = SparseError;
+        type Error = InputError;
 
-        fn try_from(read: Unchecked) -> Result<Self, SparseError> {
+        fn try_from(read: Unchecked) -> Result<Self, InputError> {
             Self::from_values(read.pattern, read.values)
         }
     }
@@ -191,10 +192,10 @@ impl Matrix {
     /// A matrix over `pattern` with the given values.
     ///
     /// # Errors
-    /// [`SparseError::Length`] unless there is one value an entry.
-    pub fn from_values(pattern: Pattern, values: Vec<f64>) -> Result<Self, SparseError> {
+    /// [`InputError::Length`] unless there is one value an entry.
+    pub fn from_values(pattern: Pattern, values: Vec<f64>) -> Result<Self, InputError> {
         if values.len() != pattern.nnz() {
-            return Err(SparseError::Length {
+            return Err(InputError::Length {
                 what: "the array of values",
                 expected: pattern.nnz(),
                 found: values.len(),
@@ -215,7 +216,7 @@ impl Matrix {
         nrows: usize,
         ncols: usize,
         triplets: &[(usize, usize, f64)],
-    ) -> Result<Self, SparseError> {
+    ) -> Result<Self, InputError> {
         let pattern = Pattern::from_entries(nrows, ncols, triplets.iter().map(|t| (t.0, t.1)))?;
         let mut matrix = Self::zeros(pattern);
         for &(i, j, v) in triplets {
@@ -227,13 +228,13 @@ impl Matrix {
     /// A full matrix from its rows.
     ///
     /// # Errors
-    /// [`SparseError::Length`] unless all rows have one length.
-    pub fn from_rows<R: AsRef<[f64]>>(rows: &[R]) -> Result<Self, SparseError> {
+    /// [`InputError::Length`] unless all rows have one length.
+    pub fn from_rows<R: AsRef<[f64]>>(rows: &[R]) -> Result<Self, InputError> {
         let nrows = rows.len();
         let ncols = rows.first().map_or(0, |r| r.as_ref().len());
         // All lengths first: the array may be as large as they say, and no larger.
         if let Some(row) = rows.iter().find(|row| row.as_ref().len() != ncols) {
-            return Err(SparseError::Length {
+            return Err(InputError::Length {
                 what: "a row of the matrix",
                 expected: ncols,
                 found: row.as_ref().len(),
@@ -531,10 +532,10 @@ impl Matrix {
     /// Checks that every value is finite.
     ///
     /// # Errors
-    /// [`SparseError::NotFinite`] names the first entry that is not.
-    pub fn check_finite(&self) -> Result<(), SparseError> {
+    /// [`InputError::Entry`] names the first entry that is not.
+    pub fn check_finite(&self) -> Result<(), InputError> {
         match self.triplets().find(|t| !t.2.is_finite()) {
-            Some((row, col, value)) => Err(SparseError::NotFinite { row, col, value }),
+            Some((row, col, value)) => Err(InputError::Entry { row, col, value }),
             None => Ok(()),
         }
     }

@@ -2,8 +2,9 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use super::{Matrix, Pattern, SparseError};
+use super::{Matrix, Pattern};
 use crate::Cause;
+use crate::InputError;
 
 /// Largest number of rows or columns accepted in a file.
 const MAX_DIMENSION: usize = 1 << 31;
@@ -18,8 +19,8 @@ const NO_FILE: &str = "<text>";
 /// of proportion to the file (apart from 128 MB); and every value that is not finite.
 ///
 /// # Errors
-/// [`SparseError::Io`] or [`SparseError::Parse`] with the line.
-pub fn read_matrix_market(path: impl AsRef<Path>) -> Result<Matrix, SparseError> {
+/// [`InputError::Io`] or [`InputError::Parse`] with the line.
+pub fn read_matrix_market(path: impl AsRef<Path>) -> Result<Matrix, InputError> {
     let path = path.as_ref();
     parse_matrix(&read(path)?, path, |_| Ok(()))
 }
@@ -38,7 +39,7 @@ pub(crate) struct Announced {
 pub(crate) fn read_matrix_if(
     path: &Path,
     accept: impl FnOnce(Announced) -> Result<(), String>,
-) -> Result<Matrix, SparseError> {
+) -> Result<Matrix, InputError> {
     parse_matrix(&read(path)?, path, |[rows, cols, entries]| {
         accept(Announced { rows, cols, entries })
     })
@@ -51,20 +52,20 @@ pub(crate) fn read_matrix_if(
 /// let text = "%%MatrixMarket matrix coordinate real symmetric\n2 2 2\n1 1 4.0\n2 1 -1.5\n";
 /// let a = parse_matrix_market(text)?;
 /// assert_eq!((a.get(0, 0), a.get(0, 1), a.get(1, 0)), (4.0, -1.5, -1.5));
-/// # Ok::<(), semismooth::sparse::SparseError>(())
+/// # Ok::<(), semismooth::InputError>(())
 /// ```
 ///
 /// # Errors
-/// [`SparseError::Parse`] with the line.
-pub fn parse_matrix_market(text: &str) -> Result<Matrix, SparseError> {
+/// [`InputError::Parse`] with the line.
+pub fn parse_matrix_market(text: &str) -> Result<Matrix, InputError> {
     parse_matrix(text, Path::new(NO_FILE), |_| Ok(()))
 }
 
 /// Writes a matrix as `coordinate real general` with 17 significant digits, so that reading it back gives the same values.
 ///
 /// # Errors
-/// [`SparseError::NotFinite`] (the format knows no NaN) or [`SparseError::Io`].
-pub fn write_matrix_market(path: impl AsRef<Path>, matrix: &Matrix) -> Result<(), SparseError> {
+/// [`InputError::Entry`] (the format knows no NaN) or [`InputError::Io`].
+pub fn write_matrix_market(path: impl AsRef<Path>, matrix: &Matrix) -> Result<(), InputError> {
     matrix.check_finite()?;
     let path = path.as_ref();
     let mut text = String::from("%%MatrixMarket matrix coordinate real general\n");
@@ -108,8 +109,8 @@ pub(crate) fn replace_file(
 /// Reads a vector: one number a line (several on a line are taken in order), blank lines and `#` or `%` comments skipped.
 ///
 /// # Errors
-/// [`SparseError::Io`] or [`SparseError::Parse`] with the line.
-pub fn read_vector(path: impl AsRef<Path>) -> Result<Vec<f64>, SparseError> {
+/// [`InputError::Io`] or [`InputError::Parse`] with the line.
+pub fn read_vector(path: impl AsRef<Path>) -> Result<Vec<f64>, InputError> {
     let path = path.as_ref();
     parse_numbers(&read(path)?, path)
 }
@@ -117,23 +118,23 @@ pub fn read_vector(path: impl AsRef<Path>) -> Result<Vec<f64>, SparseError> {
 /// As [`read_vector`], from text; errors give the path as `<text>`.
 ///
 /// # Errors
-/// [`SparseError::Parse`] with the line.
-pub fn parse_vector(text: &str) -> Result<Vec<f64>, SparseError> {
+/// [`InputError::Parse`] with the line.
+pub fn parse_vector(text: &str) -> Result<Vec<f64>, InputError> {
     parse_numbers(text, Path::new(NO_FILE))
 }
 
-pub(super) fn read(path: &Path) -> Result<String, SparseError> {
+pub(super) fn read(path: &Path) -> Result<String, InputError> {
     fs::read_to_string(path).map_err(|e| io_error(path, e))
 }
 
-fn io_error(path: &Path, e: std::io::Error) -> SparseError {
-    SparseError::Io {
+fn io_error(path: &Path, e: std::io::Error) -> InputError {
+    InputError::Io {
         path: path.to_owned(),
         source: e.into(),
     }
 }
 
-fn parse_numbers(text: &str, path: &Path) -> Result<Vec<f64>, SparseError> {
+fn parse_numbers(text: &str, path: &Path) -> Result<Vec<f64>, InputError> {
     let mut numbers = Vec::new();
     for (k, line) in text.lines().enumerate() {
         let data = line.split(['#', '%']).next().unwrap_or_default();
@@ -145,8 +146,8 @@ fn parse_numbers(text: &str, path: &Path) -> Result<Vec<f64>, SparseError> {
     Ok(numbers)
 }
 
-pub(super) fn parse_error(path: &Path, line: usize, what: String) -> SparseError {
-    SparseError::Parse {
+pub(super) fn parse_error(path: &Path, line: usize, what: String) -> InputError {
+    InputError::Parse {
         path: path.to_owned(),
         line,
         what,
@@ -222,7 +223,7 @@ fn parse_matrix(
     text: &str,
     path: &Path,
     accept: impl FnOnce([usize; 3]) -> Result<(), String>,
-) -> Result<Matrix, SparseError> {
+) -> Result<Matrix, InputError> {
     let mut lines = text.lines().enumerate().map(|(k, line)| (k + 1, line));
     let fail = |line: usize, what: String| parse_error(path, line, what);
     let (_, banner) = lines
@@ -275,11 +276,11 @@ fn parse_matrix(
         return Err(fail(last, what));
     }
     build(m, n, coordinate, symmetry, entries).map_err(|e| match e {
-        SparseError::NotFinite { row, col, .. } => fail(
+        InputError::Entry { row, col, .. } => fail(
             last,
             format!("entries at ({}, {}) sum up to infinity", row + 1, col + 1),
         ),
-        e => SparseError::Parse {
+        e => InputError::Parse {
             path: path.to_owned(),
             line: last,
             what: e.to_string(),
@@ -342,7 +343,7 @@ fn build(
     coordinate: bool,
     symmetry: Symmetry,
     mut entries: Vec<(usize, usize, f64)>,
-) -> Result<Matrix, SparseError> {
+) -> Result<Matrix, InputError> {
     if symmetry != Symmetry::General {
         let sign = if symmetry == Symmetry::Skew { -1.0 } else { 1.0 };
         for k in 0..entries.len() {

@@ -6,7 +6,6 @@
 
 mod blocks;
 mod coloring;
-mod error;
 mod matrix;
 mod matrix_market;
 mod nodal;
@@ -20,7 +19,6 @@ pub(crate) use blocks::{
     subtract_transposed, wide,
 };
 pub(crate) use coloring::Coloring;
-pub use error::SparseError;
 pub use matrix::{Matrix, MatrixRef};
 pub(crate) use matrix_market::replace_file;
 #[cfg(feature = "json")]

@@ -1,5 +1,6 @@
 use super::blocks::{Blocks, Symmetric};
-use super::{Matrix, Pattern, SparseError};
+use super::{Matrix, Pattern};
+use crate::InputError;
 
 /// A symmetric matrix of displacements, stored in blocks of 2 × 2 (in the plane) or 3 × 3 entries (in space) for each pair of coupled
 /// nodes, with the positions of the nodes.
@@ -16,7 +17,7 @@ use super::{Matrix, Pattern, SparseError};
 /// let nodal = NodalMatrix::new(&a, points, &[[0, 0], [0, 1], [1, 0]], 2)?;
 /// assert_eq!((nodal.num_nodes(), nodal.num_unknowns()), (2, 3));
 /// assert_eq!(nodal.to_matrix()?.get(2, 0), -1.0);
-/// # Ok::<(), semismooth::sparse::SparseError>(())
+/// # Ok::<(), semismooth::InputError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct NodalMatrix {
@@ -37,16 +38,16 @@ impl NodalMatrix {
     /// From a matrix, the positions of the nodes, and the node and component (0, 1 or 2) of each unknown.
     ///
     /// # Errors
-    /// [`SparseError::Malformed`] for a dimension other than 2 or 3, a matrix that is not square or not symmetric (beyond 1e-10 of its
+    /// [`InputError::Malformed`] for a dimension other than 2 or 3, a matrix that is not square or not symmetric (beyond 1e-10 of its
     /// largest entry), unknowns that do not exist or are named twice, nodes without an unknown, positions that are not
-    /// finite; [`SparseError::NotFinite`].
+    /// finite; [`InputError::Entry`].
     pub fn new(
         a: &Matrix,
         points: Vec<[f64; 3]>,
         unknowns: &[[usize; 2]],
         dim: usize,
-    ) -> Result<Self, SparseError> {
-        let malformed = |what: String| Err(SparseError::Malformed { what });
+    ) -> Result<Self, InputError> {
+        let malformed = |what: String| Err(InputError::Malformed { what });
         let n = unknowns.len();
         if dim != 2 && dim != 3 {
             return malformed(format!("nodal matrices have dimension 2 or 3, not {dim}"));
@@ -139,7 +140,7 @@ impl NodalMatrix {
     ///
     /// # Errors
     /// None in practice; the pattern is checked again.
-    pub fn to_matrix(&self) -> Result<Matrix, SparseError> {
+    pub fn to_matrix(&self) -> Result<Matrix, InputError> {
         match &self.blocks {
             NodalBlocks::Plane(a) => scatter(a, &self.places),
             NodalBlocks::Space(a) => scatter(a, &self.places),
@@ -152,8 +153,8 @@ pub(crate) fn check_nodes(
     points: &[[f64; 3]],
     unknowns: &[[usize; 2]],
     dim: usize,
-) -> Result<(), SparseError> {
-    let malformed = |what: String| Err(SparseError::Malformed { what });
+) -> Result<(), InputError> {
+    let malformed = |what: String| Err(InputError::Malformed { what });
     if let Some(node) = points.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
         return malformed(format!("the position of node {node} is not finite"));
     }
@@ -202,7 +203,7 @@ fn gather<const B: usize>(a: &Matrix, places: &[u32], nodes: usize) -> Symmetric
     Symmetric::of(blocks)
 }
 
-fn scatter<const B: usize>(a: &Symmetric<B>, places: &[u32]) -> Result<Matrix, SparseError> {
+fn scatter<const B: usize>(a: &Symmetric<B>, places: &[u32]) -> Result<Matrix, InputError> {
     let n = places.len();
     let mut unknown = vec![usize::MAX; B * a.nrows()];
     for (k, place) in places.iter().enumerate() {

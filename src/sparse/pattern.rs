@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use super::SparseError;
+use crate::InputError;
 
 /// Where the entries of a matrix may be: compressed columns, zero-based, rows strictly increasing in each column.
 ///
@@ -11,7 +11,7 @@ use super::SparseError;
 /// let p = Pattern::from_entries(2, 3, [(1, 0), (0, 2), (1, 0)])?;
 /// assert_eq!((p.nrows(), p.ncols(), p.nnz()), (2, 3, 2));
 /// assert!(Pattern::full(2, 3).is_full());
-/// # Ok::<(), semismooth::sparse::SparseError>(())
+/// # Ok::<(), semismooth::InputError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(try_from = "Inner"))]
@@ -41,9 +41,9 @@ impl serde::Serialize for Pattern {
 
 #[cfg(feature = "serde")]
 impl TryFrom<Inner> for Pattern {
-    type Error = SparseError;
+    type Error = InputError;
 
-    fn try_from(read: Inner) -> Result<Self, SparseError> {
+    fn try_from(read: Inner) -> Result<Self, InputError> {
         Self::from_csc(read.nrows, read.ncols, read.col_ptr, read.row_idx)
     }
 }
@@ -102,16 +102,16 @@ impl Pattern {
     /// The pattern holding the given `(row, column)` entries, in any order, repetitions merged.
     ///
     /// # Errors
-    /// [`SparseError::OutOfBounds`] names an entry outside the matrix; [`SparseError::Malformed`] for more columns than memory holds.
+    /// [`InputError::OutOfBounds`] names an entry outside the matrix; [`InputError::Malformed`] for more columns than memory holds.
     pub fn from_entries(
         nrows: usize,
         ncols: usize,
         entries: impl IntoIterator<Item = (usize, usize)>,
-    ) -> Result<Self, SparseError> {
+    ) -> Result<Self, InputError> {
         let mut list = Vec::new();
         for (row, col) in entries {
             if row >= nrows || col >= ncols {
-                return Err(SparseError::OutOfBounds {
+                return Err(InputError::OutOfBounds {
                     row,
                     col,
                     nrows,
@@ -125,7 +125,7 @@ impl Pattern {
         let mut col_ptr = Vec::new();
         let room = ncols.checked_add(1).map(|n| col_ptr.try_reserve_exact(n));
         if !matches!(room, Some(Ok(()))) {
-            return Err(SparseError::Malformed {
+            return Err(InputError::Malformed {
                 what: format!("{ncols} columns do not fit into memory"),
             });
         }
@@ -143,14 +143,14 @@ impl Pattern {
     /// The pattern given by compressed columns.
     ///
     /// # Errors
-    /// [`SparseError::Malformed`] when pointers decrease or do not match, or rows are out of range or not strictly increasing.
+    /// [`InputError::Malformed`] when pointers decrease or do not match, or rows are out of range or not strictly increasing.
     pub fn from_csc(
         nrows: usize,
         ncols: usize,
         col_ptr: Vec<usize>,
         row_idx: Vec<usize>,
-    ) -> Result<Self, SparseError> {
-        let malformed = |what: String| Err(SparseError::Malformed { what });
+    ) -> Result<Self, InputError> {
+        let malformed = |what: String| Err(InputError::Malformed { what });
         if col_ptr.len().checked_sub(1) != Some(ncols) {
             return malformed(format!(
                 "{} column pointers for {ncols} columns; one more than columns is needed",
@@ -176,7 +176,7 @@ impl Pattern {
             if let Some(&row) = rows.last()
                 && row >= nrows
             {
-                return Err(SparseError::OutOfBounds {
+                return Err(InputError::OutOfBounds {
                     row,
                     col: j,
                     nrows,

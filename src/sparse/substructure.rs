@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use super::Matrix;
 use super::matrix_market::{number, parse_error, read};
-use super::{Matrix, SparseError};
+use crate::InputError;
 
 /// The stiffness of a substructure on the displacements that it retains.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,9 +21,9 @@ pub struct Substructure {
 /// by row. Other matrices of the file are left out.
 ///
 /// # Errors
-/// [`SparseError::Io`], or [`SparseError::Parse`] with the line: another kind of file, numbers of nodes, components and entries that do not
+/// [`InputError::Io`], or [`InputError::Parse`] with the line: another kind of file, numbers of nodes, components and entries that do not
 /// agree, values that are not finite.
-pub fn read_substructure(path: impl AsRef<Path>) -> Result<Substructure, SparseError> {
+pub fn read_substructure(path: impl AsRef<Path>) -> Result<Substructure, InputError> {
     let path = path.as_ref();
     parse(&read(path)?, path)
 }
@@ -35,12 +36,12 @@ pub fn read_substructure(path: impl AsRef<Path>) -> Result<Substructure, SparseE
 /// let found = parse_substructure(text)?;
 /// assert_eq!(found.displacements, [[17, 1], [17, 2], [5, 2]]);
 /// assert_eq!((found.stiffness.get(2, 1), found.stiffness.get(1, 2)), (0.25, 0.25));
-/// # Ok::<(), semismooth::sparse::SparseError>(())
+/// # Ok::<(), semismooth::InputError>(())
 /// ```
 ///
 /// # Errors
-/// [`SparseError::Parse`] with the line.
-pub fn parse_substructure(text: &str) -> Result<Substructure, SparseError> {
+/// [`InputError::Parse`] with the line.
+pub fn parse_substructure(text: &str) -> Result<Substructure, InputError> {
     parse(text, Path::new("<text>"))
 }
 
@@ -52,7 +53,7 @@ enum Section {
     Stiffness,
 }
 
-fn parse(text: &str, path: &Path) -> Result<Substructure, SparseError> {
+fn parse(text: &str, path: &Path) -> Result<Substructure, InputError> {
     let fail = |line: usize, what: String| parse_error(path, line, what);
     let (mut section, mut labels_follow, mut triangular_at) = (Section::Other, false, 0);
     let (mut announced, mut labels, mut components, mut entries) = (None, Vec::new(), Vec::new(), Vec::new());

@@ -1,6 +1,7 @@
 use super::{Dynamics, StabilityError};
+use crate::input::check_options;
 use crate::linear::{AutoSolver, LinearError, LinearSolver, eigenvalues};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
+use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{Matrix, dot, norm};
 use crate::spread::Random;
 
@@ -22,14 +23,7 @@ impl<P: PiecewiseSmooth + ?Sized> Dynamics<'_, P> {
     /// # Errors
     /// As [`spectrum`](Self::spectrum), but for the limit on equations; a shift that is not finite, or an eigenvalue.
     pub fn nearest(&self, x: &[f64], shift: f64, count: usize) -> Result<Vec<Ritz>, StabilityError> {
-        if !shift.is_finite() {
-            return Err(PiecewiseError::Option {
-                name: "shift",
-                value: shift,
-                range: "finite",
-            }
-            .into());
-        }
+        check_options(&[("shift", shift, shift.is_finite(), "finite")])?;
         let derivative = self.derivative(&self.selection(x)?, x)?;
         let n = derivative.nrows();
         let mass = |i: usize| self.mass.as_ref().map_or(1.0, |m| m[i]);

@@ -204,7 +204,7 @@ impl<P: PiecewiseSmooth + Sync + ?Sized> Dynamics<'_, P> {
                 .iter()
                 .map(|t| (t.arclength, t.x.as_slice(), None)),
         );
-        let located = branch.smooth_folds.iter().map(|f| &f.point);
+        let located = branch.smooth_folds.iter();
         let located = located.chain(branch.branch_points.iter().map(|b| &b.point));
         let located = located.chain(hopf.iter().map(|h| &h.point));
         walk.extend(located.map(|p| (p.arclength, p.x.as_slice(), None)));
@@ -239,7 +239,7 @@ fn unexplained(branch: &Branch, spectra: &[Spectrum], hopf: &[Hopf]) -> Vec<(f64
         let change = spectra[0].unstable.abs_diff(spectra[1].unstable);
         let hidden = spectra[0].undecided + spectra[1].undecided;
         let kinks = count(&mut branch.transitions.iter().map(|t| t.arclength), span);
-        let folds = count(&mut branch.smooth_folds.iter().map(|f| f.point.arclength), span)
+        let folds = count(&mut branch.smooth_folds.iter().map(|f| f.arclength), span)
             + count(&mut branch.branch_points.iter().map(|b| b.point.arclength), span);
         let pairs = count(&mut hopf.iter().map(|h| h.point.arclength), span);
         let most = folds + 2 * pairs;

@@ -35,11 +35,12 @@ pub use spectrum::Spectrum;
 
 use thiserror::Error;
 
+use crate::InputError;
 use crate::continuation::ContinuationError;
+use crate::input::check_options;
+use crate::input::{check_length, check_vector};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
-use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_length, check_vector, select_pieces,
-};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, carries_maps, select_pieces};
 use crate::sparse::Matrix;
 
 /// Equations up to which all eigenvalues are computed: 8 MB and some seconds a point.
@@ -51,7 +52,10 @@ const DENSE: usize = 1000;
 pub enum StabilityError {
     /// A map, a point or a diagonal that does not fit or is not finite.
     #[error(transparent)]
-    Map(#[from] PiecewiseError),
+    Map(PiecewiseError),
+    /// Data that do not fit.
+    #[error(transparent)]
+    Input(#[from] InputError),
     /// A linear system or the iteration for eigenvalues failed.
     #[error(transparent)]
     Linear(#[from] LinearError),
@@ -74,6 +78,8 @@ pub enum StabilityError {
     #[error(transparent)]
     Continuation(#[from] ContinuationError),
 }
+
+carries_maps!(StabilityError);
 
 /// A map H of the variables (y, α) as the right-hand side of differential equations y′ = H(y, α), or M y′ = H(y, α).
 #[derive(Debug)]
@@ -101,14 +107,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Dynamics<'a, P> {
     /// Another number of entries than equations, entries that are not finite, zeros only.
     pub fn with_mass(mut self, mass: Vec<f64>) -> Result<Self, StabilityError> {
         check_vector("the diagonal of M", &mass, self.map.num_residuals())?;
-        if mass.iter().all(|m| *m == 0.0) {
-            return Err(PiecewiseError::Option {
-                name: "mass",
-                value: 0.0,
-                range: "different from 0 for one equation at least",
-            }
-            .into());
-        }
+        let moves = mass.iter().any(|m| *m != 0.0);
+        check_options(&[("mass", 0.0, moves, "different from 0 for one equation at least")])?;
         self.mass = Some(mass);
         Ok(self)
     }
@@ -160,9 +160,9 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Dynamics<'a, P> {
             return Err(PiecewiseError::StrayEntry { row, col }.into());
         }
         let entries: Vec<_> = all.triplets().filter(|e| e.1 < n).collect();
-        if let Some((index, ..)) = entries.iter().find(|e| !e.2.is_finite()) {
-            let (what, index) = ("the derivative of the equations, row ", *index);
-            return Err(PiecewiseError::NotFinite { what, index }.into());
+        if let Some((index, _, value)) = entries.iter().find(|e| !e.2.is_finite()) {
+            let (what, index, value) = ("the derivative of the equations, row ", *index, *value);
+            return Err(InputError::NotFinite { what, index, value }.into());
         }
         Ok(Matrix::from_triplets(n, n, &entries).map_err(LinearError::from)?)
     }

@@ -10,7 +10,6 @@
 //! * [`ViSolver`] solves from any start, or proves that there is no solution; [`Vi::all_solutions`] lists all solutions of affine problems.
 
 mod emptiness;
-mod error;
 mod limits;
 mod polyhedron;
 mod problem;
@@ -18,9 +17,8 @@ mod projection;
 mod solutions;
 mod solver;
 
-pub use error::VariationalError;
 pub use polyhedron::Polyhedron;
-pub use problem::{Vi, ViConditions};
+pub use problem::Vi;
 pub use projection::{Infeasibility, Multipliers, Nearest, Projection};
 pub use solutions::ViSolutions;
 pub use solver::{Ray, ViReport, ViSolver};

@@ -1,7 +1,6 @@
-use super::VariationalError;
-use super::error::{check_finite, check_length};
 use super::projection::{Multipliers, Projection, project};
 use crate::complementarity::ComplementarityError;
+use crate::input::{check_length, check_vector};
 use crate::sparse::Matrix;
 
 /// The polyhedron C = {x ∈ ℝⁿ: A x ≤ b, E x = d, l ≤ x ≤ u}.
@@ -14,7 +13,7 @@ use crate::sparse::Matrix;
 ///     .with_equations(Matrix::from_rows(&[[1.0, 1.0, 1.0]])?, vec![1.0])?;
 /// let Projection::Nearest(nearest) = simplex.project(&[1.0, 0.5, -3.0])? else { panic!("it is not empty") };
 /// assert!((nearest.x[0] - 0.75).abs() < 1e-15 && nearest.x[2] == 0.0);
-/// # Ok::<(), semismooth::variational::VariationalError>(())
+/// # Ok::<(), semismooth::complementarity::ComplementarityError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Polyhedron {
@@ -35,7 +34,7 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    fn none(n: usize) -> Result<Self, VariationalError> {
+    fn none(n: usize) -> Result<Self, ComplementarityError> {
         Ok(Self {
             transposed: Matrix::from_triplets(n, 0, &[])?,
             right: Vec::new(),
@@ -47,10 +46,10 @@ impl Rows {
         n: usize,
         matrix: &Matrix,
         right: Vec<f64>,
-    ) -> Result<Self, VariationalError> {
+    ) -> Result<Self, ComplementarityError> {
         check_length(names[0], matrix.ncols(), n)?;
         matrix.check_finite()?;
-        check_finite(names[1], &right, matrix.nrows())?;
+        check_vector(names[1], &right, matrix.nrows())?;
         Ok(Self {
             transposed: matrix.transpose(),
             right,
@@ -83,7 +82,7 @@ impl Polyhedron {
     ///
     /// # Errors
     /// n = 0.
-    pub fn space(n: usize) -> Result<Self, VariationalError> {
+    pub fn space(n: usize) -> Result<Self, ComplementarityError> {
         Self::boxed(vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n])
     }
 
@@ -91,10 +90,10 @@ impl Polyhedron {
     ///
     /// # Errors
     /// No variables, bounds of different lengths, NaN among them, lᵢ = +∞, uᵢ = −∞. Where lᵢ > uᵢ the box is empty, which is no error.
-    pub fn boxed(lower: Vec<f64>, upper: Vec<f64>) -> Result<Self, VariationalError> {
+    pub fn boxed(lower: Vec<f64>, upper: Vec<f64>) -> Result<Self, ComplementarityError> {
         let n = lower.len();
         if n == 0 {
-            return Err(ComplementarityError::Empty.into());
+            return Err(ComplementarityError::Empty);
         }
         check_length("the upper bounds", upper.len(), n)?;
         for (what, bounds, wrong, free) in [
@@ -108,8 +107,7 @@ impl Polyhedron {
                     index,
                     value,
                     free,
-                }
-                .into());
+                });
             }
         }
         Ok(Self {
@@ -124,7 +122,7 @@ impl Polyhedron {
     ///
     /// # Errors
     /// Shapes that do not fit, numbers that are not finite.
-    pub fn with_inequalities(mut self, a: Matrix, b: Vec<f64>) -> Result<Self, VariationalError> {
+    pub fn with_inequalities(mut self, a: Matrix, b: Vec<f64>) -> Result<Self, ComplementarityError> {
         self.a = Rows::new(["a row of A", "b"], self.lower.len(), &a, b)?;
         Ok(self)
     }
@@ -133,7 +131,7 @@ impl Polyhedron {
     ///
     /// # Errors
     /// Shapes that do not fit, numbers that are not finite.
-    pub fn with_equations(mut self, e: Matrix, d: Vec<f64>) -> Result<Self, VariationalError> {
+    pub fn with_equations(mut self, e: Matrix, d: Vec<f64>) -> Result<Self, ComplementarityError> {
         self.e = Rows::new(["a row of E", "d"], self.lower.len(), &e, d)?;
         Ok(self)
     }
@@ -172,8 +170,8 @@ impl Polyhedron {
     ///
     /// # Errors
     /// x of the wrong length or not finite.
-    pub fn violation(&self, x: &[f64]) -> Result<f64, VariationalError> {
-        check_finite("x", x, self.dimension())?;
+    pub fn violation(&self, x: &[f64]) -> Result<f64, ComplementarityError> {
+        check_vector("x", x, self.dimension())?;
         let distance = |rows: &Rows, i: usize, excess: f64| {
             let size = rows.row(i).map(|(_, v)| v * v).sum::<f64>().sqrt();
             if excess == 0.0 { 0.0 } else { excess / size }
@@ -192,9 +190,9 @@ impl Polyhedron {
     /// O(n (m + k + n)) operations a change of the active set, of which there are rarely more than a few for each active constraint.
     ///
     /// # Errors
-    /// x of the wrong length or not finite; constraints that are linearly dependent up to rounding ([`VariationalError::Unresolved`]).
-    pub fn project(&self, x: &[f64]) -> Result<Projection, VariationalError> {
-        check_finite("x", x, self.dimension())?;
+    /// x of the wrong length or not finite; constraints that are linearly dependent up to rounding ([`ComplementarityError::Unresolved`]).
+    pub fn project(&self, x: &[f64]) -> Result<Projection, ComplementarityError> {
+        check_vector("x", x, self.dimension())?;
         project(self, x)
     }
 

@@ -1,6 +1,6 @@
-use super::error::check_length;
-use super::{Polyhedron, VariationalError};
-use crate::complementarity::{AffineFunction, Mcp, McpFunction};
+use super::Polyhedron;
+use crate::complementarity::{AffineFunction, ComplementarityError, Mcp, McpFunction};
+use crate::input::check_length;
 use crate::sparse::{Matrix, Pattern};
 
 /// The variational inequality VI(F, C) over a polyhedron: find x ∈ C with F(x)ᵀ(y − x) ≥ 0 for all y ∈ C.
@@ -30,7 +30,7 @@ use crate::sparse::{Matrix, Pattern};
 /// let report = ViSolver::default().solve(&vi, &mut x)?;
 /// assert!(report.is_solved() && (x[0] - 0.5).abs() < 1e-12);
 /// assert!((report.multipliers.inequalities[0] - 1.5).abs() < 1e-12);
-/// # Ok::<(), semismooth::variational::VariationalError>(())
+/// # Ok::<(), semismooth::complementarity::ComplementarityError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Vi<F> {
@@ -43,7 +43,7 @@ impl<F: McpFunction> Vi<F> {
     ///
     /// # Errors
     /// F with another number of values or variables than C has, or a pattern of another shape.
-    pub fn new(function: F, set: Polyhedron) -> Result<Self, VariationalError> {
+    pub fn new(function: F, set: Polyhedron) -> Result<Self, ComplementarityError> {
         let (n, vars) = (set.dimension(), function.num_vars());
         if vars != n + 1 {
             check_length("the argument of F", vars, n)?;
@@ -75,7 +75,7 @@ impl<F: McpFunction> Vi<F> {
     ///
     /// # Errors
     /// F with another number of values or fewer variables than C has, or a pattern of another shape.
-    pub fn with_parameters(function: F, set: Polyhedron) -> Result<Self, VariationalError> {
+    pub fn with_parameters(function: F, set: Polyhedron) -> Result<Self, ComplementarityError> {
         let (n, vars) = (set.dimension(), function.num_vars());
         check_length("F", function.num_values(), n)?;
         if vars < n {
@@ -112,23 +112,19 @@ impl<F: McpFunction> Vi<F> {
     ///
     /// # Errors
     /// Bounds with lᵢ > uᵢ; as [`Mcp::new`].
-    pub fn kkt(&self) -> Result<Mcp<ViConditions<&F>>, VariationalError> {
+    pub fn kkt(&self) -> Result<Mcp<impl McpFunction>, ComplementarityError> {
         let (m, k) = (self.set.a.len(), self.set.e.len());
         let (mut lower, mut upper) = (self.set.lower.clone(), self.set.upper.clone());
         lower.resize(lower.len() + m, 0.0);
         lower.resize(lower.len() + k, f64::NEG_INFINITY);
         upper.resize(lower.len(), f64::INFINITY);
-        Ok(Mcp::with_parameters(
-            ViConditions::new(&self.function, &self.set)?,
-            lower,
-            upper,
-        )?)
+        Mcp::with_parameters(ViConditions::new(&self.function, &self.set)?, lower, upper)
     }
 }
 
 /// The function (F(x) + Aᵀλ + Eᵀμ, b − A x, d − E x) of [`Vi::kkt`].
 #[derive(Debug, Clone)]
-pub struct ViConditions<F> {
+struct ViConditions<F> {
     function: F,
     /// The constant part of the Jacobian, over the whole pattern, and the constants b, d.
     coupling: Matrix,
@@ -139,7 +135,7 @@ pub struct ViConditions<F> {
 }
 
 impl<F: McpFunction> ViConditions<F> {
-    fn new(function: F, set: &Polyhedron) -> Result<Self, VariationalError> {
+    fn new(function: F, set: &Polyhedron) -> Result<Self, ComplementarityError> {
         let n = set.dimension();
         let (m, k) = (set.a.len(), set.e.len());
         let total = n + m + k;

@@ -1,8 +1,9 @@
 //! Projection onto a polyhedron by the dual active-set method of D. Goldfarb and A. Idnani (1983) with the identity as Hessian.
 
+use super::Polyhedron;
 use super::emptiness::emptiness;
 use super::limits::{Limit, limits_of};
-use super::{Polyhedron, VariationalError};
+use crate::complementarity::ComplementarityError;
 use crate::exact::Exact;
 use crate::judge::Emptiness;
 use crate::sparse::{dot, max_abs, norm};
@@ -146,7 +147,7 @@ enum Added {
     Empty(Multipliers),
 }
 
-pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, VariationalError> {
+pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, ComplementarityError> {
     let mut solver = Solver::new(set, x);
     if let Some(empty) = solver.empty_rows().or_else(|| solver.empty_intervals()) {
         return Ok(Projection::Empty(empty));
@@ -181,7 +182,7 @@ pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, Variati
     }
     // Rows dependent on the active ones up to rounding have been skipped.
     match solver.violated() {
-        Some(row) => Err(VariationalError::Unresolved { steps, row }),
+        Some(row) => Err(ComplementarityError::Unresolved { steps, row }),
         None => Ok(Projection::Nearest(solver.nearest(x))),
     }
 }
@@ -392,7 +393,7 @@ impl<'a> Solver<'a> {
     }
 
     /// Makes row p active; other rows leave the active set where their multipliers would turn negative.
-    fn add(&mut self, p: usize, steps: &mut usize, limit: usize) -> Result<Added, VariationalError> {
+    fn add(&mut self, p: usize, steps: &mut usize, limit: usize) -> Result<Added, ComplementarityError> {
         if self.norms[p] == 0.0 {
             return Ok(Added::Redundant);
         }
@@ -403,7 +404,7 @@ impl<'a> Solver<'a> {
         loop {
             *steps += 1;
             if *steps > limit {
-                return Err(VariationalError::Unresolved { steps: limit, row: p });
+                return Err(ComplementarityError::Unresolved { steps: limit, row: p });
             }
             let mut z = vec![0.0; self.y.len()];
             self.each_entry(p, |j, v| z[j] += v);

@@ -1,5 +1,5 @@
 use super::polyhedron::Rows;
-use super::{Polyhedron, VariationalError, Vi};
+use super::{Polyhedron, Vi};
 use crate::complementarity::{AffineFunction, ComplementarityError, McpFunction};
 use crate::enumeration::{Completeness, Continuum, EnumerationOptions, all_solutions};
 use crate::exact::{Dictionary, Exact, quotient};
@@ -36,15 +36,14 @@ impl<F: McpFunction> Vi<F> {
     ///
     /// # Errors
     /// As [`all_solutions`]: F that is not affine, a parametric problem, options out of range.
-    pub fn all_solutions(&self, options: &EnumerationOptions) -> Result<ViSolutions, VariationalError> {
+    pub fn all_solutions(&self, options: &EnumerationOptions) -> Result<ViSolutions, ComplementarityError> {
         let (vars, values) = (self.function().num_vars(), self.set().dimension());
         if vars != values {
             return Err(ComplementarityError::Dimensions {
                 vars,
                 values,
                 expected: "fix the parameter first",
-            }
-            .into());
+            });
         }
         let Some((same, units)) = self.in_units_of_rows()? else {
             return self.list(options);
@@ -66,7 +65,7 @@ impl<F: McpFunction> Vi<F> {
 
     /// The same problem with F and each row of A and E multiplied by powers of two, after which their largest coefficients are near 1, and
     /// what its multipliers λ and μ are to be multiplied by. `None` where F gives no coefficients, or the scaling is not exact.
-    fn in_units_of_rows(&self) -> Result<Option<Scaled>, VariationalError> {
+    fn in_units_of_rows(&self) -> Result<Option<Scaled>, ComplementarityError> {
         let conditions = self.kkt()?;
         let Some((f, _)) = conditions.function().coefficients() else {
             return Ok(None);
@@ -88,7 +87,7 @@ impl<F: McpFunction> Vi<F> {
         let q = f.q()[..n].iter().map(|v| times(*v, by_f)).collect();
         let function = AffineFunction::new(Matrix::from_triplets(n, n, &entries)?, q)?;
         let mut units = Vec::new();
-        let mut scaled = |rows: &Rows| -> Result<(Matrix, Vec<f64>), VariationalError> {
+        let mut scaled = |rows: &Rows| -> Result<(Matrix, Vec<f64>), ComplementarityError> {
             let (mut entries, mut right) = (Vec::new(), Vec::new());
             for i in 0..rows.len() {
                 let by = power(rows.row(i).fold(0.0_f64, |m, (_, v)| m.max(v.abs())));
@@ -105,7 +104,7 @@ impl<F: McpFunction> Vi<F> {
         Ok(exact.then_some((Vi::new(function, set)?, units)))
     }
 
-    fn list(&self, options: &EnumerationOptions) -> Result<ViSolutions, VariationalError> {
+    fn list(&self, options: &EnumerationOptions) -> Result<ViSolutions, ComplementarityError> {
         let conditions = self.kkt()?;
         let n = self.set().dimension();
         let found = all_solutions(&conditions, 0.0, options)?;
@@ -168,7 +167,7 @@ impl<F: McpFunction> Vi<F> {
     }
 
     /// The polyhedron of the points (x, λ, μ) that solve the conditions in a selection.
-    fn cell(&self, selection: &Selection, f: &AffineFunction) -> Result<Polyhedron, VariationalError> {
+    fn cell(&self, selection: &Selection, f: &AffineFunction) -> Result<Polyhedron, ComplementarityError> {
         let conditions = self.kkt()?;
         let (mut lower, mut upper) = (conditions.lower().to_vec(), conditions.upper().to_vec());
         let (n, mut equal, mut less) = (lower.len(), Vec::new(), Vec::new());
@@ -186,7 +185,7 @@ impl<F: McpFunction> Vi<F> {
                 _ => {}
             }
         }
-        let rows = |list: &[(usize, f64)]| -> Result<(Matrix, Vec<f64>), VariationalError> {
+        let rows = |list: &[(usize, f64)]| -> Result<(Matrix, Vec<f64>), ComplementarityError> {
             let mut entries = Vec::new();
             let mut place = vec![None; n];
             for (row, (i, sign)) in list.iter().enumerate() {

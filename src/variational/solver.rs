@@ -1,8 +1,10 @@
 use std::ops::ControlFlow;
 
 use super::projection::{Infeasibility, Multipliers, Projection};
-use super::{Polyhedron, VariationalError, Vi};
-use crate::complementarity::{McpFunction, McpIteration, McpOptions, McpReport, McpSolver};
+use super::{Polyhedron, Vi};
+use crate::complementarity::{
+    ComplementarityError, McpFunction, McpIteration, McpOptions, McpReport, McpSolver,
+};
 use crate::run::Status;
 use crate::sparse::{Matrix, max_abs};
 
@@ -103,12 +105,12 @@ impl ViSolver {
     ///
     /// # Errors
     /// Misuse: a parametric problem, a start of the wrong length or not finite, options out of range; a projection that fails by rounding
-    /// ([`VariationalError::Unresolved`]).
+    /// ([`ComplementarityError::Unresolved`]).
     pub fn solve<F: McpFunction>(
         &mut self,
         problem: &Vi<F>,
         x: &mut [f64],
-    ) -> Result<ViReport, VariationalError> {
+    ) -> Result<ViReport, ComplementarityError> {
         self.solve_observed(problem, x, |_| ControlFlow::Continue(()))
     }
 
@@ -121,7 +123,7 @@ impl ViSolver {
         problem: &Vi<F>,
         x: &mut [f64],
         observe: impl FnMut(&McpIteration) -> ControlFlow<()>,
-    ) -> Result<ViReport, VariationalError> {
+    ) -> Result<ViReport, ComplementarityError> {
         let set = problem.set();
         let mut report = ViReport {
             status: Status::EmptySet,
@@ -199,7 +201,7 @@ impl ViSolver {
 fn natural_residual<F: McpFunction>(
     problem: &Vi<F>,
     x: &[f64],
-) -> Result<Result<f64, Infeasibility>, VariationalError> {
+) -> Result<Result<f64, Infeasibility>, ComplementarityError> {
     let mut moved = vec![0.0; x.len()];
     problem.function().value(x, &mut moved);
     moved.iter_mut().zip(x).for_each(|(f, x)| *f = x - *f);
@@ -212,13 +214,13 @@ fn natural_residual<F: McpFunction>(
             Ok(Ok(max_abs(&apart)))
         }
         Ok(Projection::Empty(certificate)) => Ok(Err(certificate)),
-        Err(VariationalError::Unresolved { .. }) => Ok(Ok(f64::NAN)),
+        Err(ComplementarityError::Unresolved { .. }) => Ok(Ok(f64::NAN)),
         Err(e) => Err(e),
     }
 }
 
 /// A ray, if x ∈ C and M x + q + Aᵀλ + Eᵀμ − ρₗ + ρᵤ = 0 with λ, ρ ≥ 0 have no common solution: what every solution satisfies.
-fn ray(set: &Polyhedron, matrix: &Matrix, q: &[f64]) -> Result<Option<Ray>, VariationalError> {
+fn ray(set: &Polyhedron, matrix: &Matrix, q: &[f64]) -> Result<Option<Ray>, ComplementarityError> {
     let n = set.dimension();
     let (m, k) = (set.a.len(), set.e.len());
     let bounded = |bounds: &[f64]| (0..n).filter(|&j| bounds[j].is_finite()).collect::<Vec<_>>();
@@ -256,7 +258,7 @@ fn ray(set: &Polyhedron, matrix: &Matrix, q: &[f64]) -> Result<Option<Ray>, Vari
         .with_equations(Matrix::from_triplets(n + k, total, &equations)?, right)?;
     let certificate = match conditions.project(&vec![0.0; total]) {
         Ok(Projection::Empty(certificate)) => certificate,
-        Ok(Projection::Nearest(_)) | Err(VariationalError::Unresolved { .. }) => return Ok(None),
+        Ok(Projection::Nearest(_)) | Err(ComplementarityError::Unresolved { .. }) => return Ok(None),
         Err(e) => return Err(e),
     };
     let found = certificate.multipliers;

@@ -110,10 +110,10 @@ fn points(t: &mut Table) {
             "what is no number has no finite residual",
             || !problem.natural_residual(&x, &mut [0.0; 3]).unwrap().is_finite(),
         );
-        t.refuses("cones::ConeSolver::solve", "no numbers", "at 1", || {
+        t.refuses("cones::ConeSolver::solve", "no numbers", "[1]", || {
             ConeSolver::default().solve(&problem, &mut x)
         });
-        t.refuses("cones::ConeSolver::solve_observed", "no numbers", "at 1", || {
+        t.refuses("cones::ConeSolver::solve_observed", "no numbers", "[1]", || {
             ConeSolver::default().solve_observed(&problem, &mut x, |_| ControlFlow::Continue(()))
         });
     }

@@ -176,16 +176,16 @@ fn interfaces() {
         t.refuses("interface::CondensedInterface::expand_tangent", "t", "", || {
             c.expand_tangent(&vec![0.5; m], &x)
         });
-        t.refuses("interface::Interface::load_at", "alpha", "entry 0", || {
+        t.refuses("interface::Interface::load_at", "alpha", "[0]", || {
             c.load_at(&[bad])
         });
         t.refuses(
             "interface::CondensedInterface::free_traces",
             "alpha",
-            "entry 0",
+            "[0]",
             || c.free_traces(&[bad]),
         );
-        t.refuses("interface::Interface::traces", "x", "entry 0", || c.traces(&x));
+        t.refuses("interface::Interface::traces", "x", "[0]", || c.traces(&x));
     }
     t.survives("interface::CondensedInterface::full", "any problem", || c.full());
     t.exempt(&["interface::View::under"], "called by problems of contact");

@@ -1,5 +1,6 @@
 //! Each bad input is refused by the variant of the error that names it.
 
+use semismooth::InputError;
 use semismooth::contact::{
     ContactBody, ContactError, ContactState, FrictionCoefficient, FullContact, HildRenard, LoadPath,
     OrthotropicCoulomb, PlanarCoulomb,
@@ -7,11 +8,10 @@ use semismooth::contact::{
 use semismooth::continuation::{
     Arm, Branch, Continuation, ContinuationError, ContinuationOptions, Direction, arms_at,
 };
-use semismooth::interface::InterfaceError;
 use semismooth::linear::{AutoSolver, Cholesky, DenseLu, LinearError, LinearSolver, SparseLu};
 use semismooth::newton::{Newton, NewtonError, NewtonOptions};
 use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection};
-use semismooth::sparse::{Matrix, Pattern, SparseError};
+use semismooth::sparse::{Matrix, Pattern};
 
 const BAD: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 
@@ -64,17 +64,17 @@ fn friction_problems() {
     refused! {
         with_matrices(empty(0, 0), nu(), t()) => ContactError::Empty { .. },
         with_matrices(stiffness(), empty(0, 2), t()) => ContactError::Empty { .. },
-        with_matrices(rows(&[&[1.0, 2.0]]), nu(), t()) => ContactError::Shape { .. },
-        with_matrices(stiffness(), rows(&[&[1.0]]), t()) => ContactError::Shape { .. },
-        with_matrices(stiffness(), nu(), rows(&[&[1.0]])) => ContactError::Shape { .. },
-        with_matrices(stiffness(), nu(), empty(2, 2)) => ContactError::Shape { .. },
-        with_paths(LoadPath::constant(vec![1.0]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::Length { .. },
-        with_paths(LoadPath::affine(vec![1.0; 2], vec![1.0]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::Length { .. },
-        with_paths(LoadPath::between(vec![1.0; 2], &[1.0]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::Length { .. },
+        with_matrices(rows(&[&[1.0, 2.0]]), nu(), t()) => ContactError::Input(InputError::Shape { .. }),
+        with_matrices(stiffness(), rows(&[&[1.0]]), t()) => ContactError::Input(InputError::Shape { .. }),
+        with_matrices(stiffness(), nu(), rows(&[&[1.0]])) => ContactError::Input(InputError::Shape { .. }),
+        with_matrices(stiffness(), nu(), empty(2, 2)) => ContactError::Input(InputError::Shape { .. }),
+        with_paths(LoadPath::constant(vec![1.0]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::Input(InputError::Length { .. }),
+        with_paths(LoadPath::affine(vec![1.0; 2], vec![1.0]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::Input(InputError::Length { .. }),
+        with_paths(LoadPath::between(vec![1.0; 2], &[1.0]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::Input(InputError::Length { .. }),
         FrictionCoefficient::nodal(vec![]) => ContactError::Empty { .. },
-        with_paths(load(), FrictionCoefficient::nodal(vec![0.5; 2]).unwrap()) => ContactError::Length { .. },
+        with_paths(load(), FrictionCoefficient::nodal(vec![0.5; 2]).unwrap()) => ContactError::Input(InputError::Length { .. }),
         FrictionCoefficient::nodal(vec![-0.1]) => ContactError::NegativeFriction { node: 0, .. },
-        problem().with_gap(vec![]) => ContactError::Length { .. },
+        problem().with_gap(vec![]) => ContactError::Input(InputError::Length { .. }),
         problem().with_r(0.0) => ContactError::Augmentation { .. },
         problem().with_r(-1.0) => ContactError::Augmentation { .. },
         HildRenard::new(1.0, 1.0, 0.0, 1.0) => ContactError::Modulus { index: 0, .. },
@@ -89,12 +89,12 @@ fn friction_problems() {
             with_matrices(a.clone(), nu(), t()) => ContactError::Matrix { .. },
             with_matrices(stiffness(), b.clone(), t()) => ContactError::Matrix { .. },
             with_matrices(stiffness(), nu(), b.clone()) => ContactError::Matrix { .. },
-            with_paths(LoadPath::constant(vec![0.0, bad]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::NotFinite { index: 1, .. },
-            FrictionCoefficient::affine(vec![0.5], vec![bad]) => ContactError::NotFinite { index: 0, .. },
-            problem().with_gap(vec![bad]) => ContactError::NotFinite { .. },
+            with_paths(LoadPath::constant(vec![0.0, bad]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::Input(InputError::NotFinite { index: 1, .. }),
+            FrictionCoefficient::affine(vec![0.5], vec![bad]) => ContactError::Input(InputError::NotFinite { index: 0, .. }),
+            problem().with_gap(vec![bad]) => ContactError::Input(InputError::NotFinite { .. }),
             problem().with_r(bad) => ContactError::Augmentation { .. },
-            HildRenard::new(1.0, bad, 1.0, 1.0) => ContactError::NotFinite { index: 1, .. },
-            HildRenard::new(1.0, 1.0, 1.0, bad) => ContactError::NotFinite { index: 3, .. },
+            HildRenard::new(1.0, bad, 1.0, 1.0) => ContactError::Input(InputError::NotFinite { index: 1, .. }),
+            HildRenard::new(1.0, 1.0, 1.0, bad) => ContactError::Input(InputError::NotFinite { index: 3, .. }),
         }
     }
 }
@@ -106,15 +106,15 @@ fn condensation() {
     let indefinite = with_matrices(rows(&[&[1.0, 2.0], &[2.0, 1.0]]), nu(), t()).unwrap();
     let singular = with_matrices(rows(&[&[1.0, -1.0], &[-1.0, 1.0]]), nu(), t()).unwrap();
     refused! {
-        unsymmetric.condensed() => InterfaceError::NotSymmetric { .. },
-        indefinite.condensed() => InterfaceError::Linear(LinearError::NotPositiveDefinite),
-        singular.condensed() => InterfaceError::Linear(_),
+        unsymmetric.condensed() => PiecewiseError::Input(InputError::NotSymmetric { .. }),
+        indefinite.condensed() => PiecewiseError::Linear(LinearError::NotPositiveDefinite),
+        singular.condensed() => PiecewiseError::Linear(_),
     }
     let condensed = problem().condensed().unwrap();
     refused! {
-        condensed.expand(&[0.0]) => InterfaceError::Size { .. },
-        condensed.expand(&[0.0, f64::NAN, 1.0]) => InterfaceError::NotFinite { .. },
-        condensed.restrict(&[0.0]) => InterfaceError::Size { .. },
+        condensed.expand(&[0.0]) => PiecewiseError::Input(InputError::Length { .. }),
+        condensed.expand(&[0.0, f64::NAN, 1.0]) => PiecewiseError::Input(InputError::NotFinite { .. }),
+        condensed.restrict(&[0.0]) => PiecewiseError::Input(InputError::Length { .. }),
     }
 }
 
@@ -125,13 +125,13 @@ fn first_points() {
     refused! {
         p.solve(-1.0, None) => ContactError::NegativeFriction { .. },
         p.solve_from_states(-1.0, &[Stick]) => ContactError::NegativeFriction { .. },
-        p.solve_from_states(1.0, &[]) => ContactError::Length { .. },
-        p.solve_from_states(1.0, &[Open, Open]) => ContactError::Length { .. },
-        p.solve(1.0, Some(&[0.0])) => ContactError::Length { .. },
-        p.solve(1.0, Some(&[f64::NAN; 5])) => ContactError::NotFinite { .. },
+        p.solve_from_states(1.0, &[]) => ContactError::Input(InputError::Length { .. }),
+        p.solve_from_states(1.0, &[Open, Open]) => ContactError::Input(InputError::Length { .. }),
+        p.solve(1.0, Some(&[0.0])) => ContactError::Input(InputError::Length { .. }),
+        p.solve(1.0, Some(&[f64::NAN; 5])) => ContactError::Input(InputError::NotFinite { .. }),
     }
     for bad in BAD {
-        refused!(p.solve(bad, None) => ContactError::NotFinite { .. });
+        refused!(p.solve(bad, None) => ContactError::Input(InputError::NotFinite { .. }));
     }
     let body = ContactBody::new(
         Matrix::identity(3),
@@ -194,10 +194,10 @@ fn continuation_options() {
     table.push(("step", o().with_step(f64::INFINITY)));
     for (wanted, options) in table {
         match start(options.clone()) {
-            Err(ContinuationError::Option { name, .. }) => assert_eq!(name, wanted),
+            Err(ContinuationError::Input(InputError::Option { name, .. })) => assert_eq!(name, wanted),
             other => panic!("{wanted}: {other:?}"),
         }
-        refused!(arms_at(&vee(), &[0.5, 0.5], &options) => ContinuationError::Option { .. });
+        refused!(arms_at(&vee(), &[0.5, 0.5], &options) => ContinuationError::Input(InputError::Option { .. }));
     }
 }
 
@@ -213,21 +213,21 @@ fn continuation_starts() {
     };
     let along = |arm: &Arm| Branch::follow_arm(&map, &[0.5, 0.5], arm, o()).map(|_| ());
     refused! {
-        follow(&[0.5], Direction::Increasing) => ContinuationError::Map(PiecewiseError::Length { .. }),
-        follow(&[], Direction::Increasing) => ContinuationError::Map(PiecewiseError::Length { .. }),
+        follow(&[0.5], Direction::Increasing) => ContinuationError::Input(InputError::Length { .. }),
+        follow(&[], Direction::Increasing) => ContinuationError::Input(InputError::Length { .. }),
         follow(&[0.0, -1.0], Direction::Increasing) => ContinuationError::Start(_),
         follow(&[0.0, 0.0], Direction::Decreasing) => ContinuationError::NoArm { found: 2, .. },
-        follow(&[0.5, 0.5], Direction::Along(vec![1.0])) => ContinuationError::Map(PiecewiseError::Length { .. }),
+        follow(&[0.5, 0.5], Direction::Along(vec![1.0])) => ContinuationError::Input(InputError::Length { .. }),
         follow(&[0.5, 0.5], Direction::Along(vec![0.0, 0.0])) => ContinuationError::NoArm { .. },
-        along(&arm(vec![1.0], 1)) => ContinuationError::Map(PiecewiseError::Length { .. }),
-        along(&arm(vec![1.0, 1.0], 2)) => ContinuationError::Map(PiecewiseError::Length { .. }),
+        along(&arm(vec![1.0], 1)) => ContinuationError::Input(InputError::Length { .. }),
+        along(&arm(vec![1.0, 1.0], 2)) => ContinuationError::Input(InputError::Length { .. }),
     }
     for bad in BAD {
         refused! {
-            follow(&[bad, 0.5], Direction::Increasing) => ContinuationError::Map(PiecewiseError::NotFinite { .. }),
-            follow(&[0.5, bad], Direction::Increasing) => ContinuationError::Map(PiecewiseError::NotFinite { .. }),
-            follow(&[0.5, 0.5], Direction::Along(vec![bad, 1.0])) => ContinuationError::Map(PiecewiseError::NotFinite { .. }),
-            along(&arm(vec![bad, 1.0], 1)) => ContinuationError::Map(PiecewiseError::NotFinite { .. }),
+            follow(&[bad, 0.5], Direction::Increasing) => ContinuationError::Input(InputError::NotFinite { .. }),
+            follow(&[0.5, bad], Direction::Increasing) => ContinuationError::Input(InputError::NotFinite { .. }),
+            follow(&[0.5, 0.5], Direction::Along(vec![bad, 1.0])) => ContinuationError::Input(InputError::NotFinite { .. }),
+            along(&arm(vec![bad, 1.0], 1)) => ContinuationError::Input(InputError::NotFinite { .. }),
         }
     }
     // A square system defines no curve, and a point behind a wall is no start.
@@ -252,11 +252,11 @@ fn corrector() {
     let solve = |x: &[f64], o: NewtonOptions| Newton::new(o).solve(&map, &mut x.to_vec()).map(|_| ());
     let o = NewtonOptions::default;
     refused! {
-        solve(&[], o()) => NewtonError::Map(PiecewiseError::Length { .. }),
-        solve(&[f64::NAN], o()) => NewtonError::Map(PiecewiseError::NotFinite { .. }),
-        solve(&[1.0], o().with_max_iterations(0)) => NewtonError::Option { name: "max_iterations", .. },
-        solve(&[1.0], o().with_tolerances(f64::NAN, 0.0)) => NewtonError::Option { .. },
-        solve(&[1.0], o().with_tolerances(0.0, -1.0)) => NewtonError::Option { .. },
+        solve(&[], o()) => NewtonError::Input(InputError::Length { .. }),
+        solve(&[f64::NAN], o()) => NewtonError::Input(InputError::NotFinite { .. }),
+        solve(&[1.0], o().with_max_iterations(0)) => NewtonError::Input(InputError::Option { name: "max_iterations", .. }),
+        solve(&[1.0], o().with_tolerances(f64::NAN, 0.0)) => NewtonError::Input(InputError::Option { .. }),
+        solve(&[1.0], o().with_tolerances(0.0, -1.0)) => NewtonError::Input(InputError::Option { .. }),
     }
 }
 
@@ -283,7 +283,7 @@ fn linear_algebra() {
         factor(SparseLu::new(), &spoilt) => LinearError::NotFinite { .. },
         factor(Cholesky::new(), &spoilt) => LinearError::NotFinite { .. },
         DenseLu::new().solve_in_place(&mut [1.0]) => LinearError::NotFactored,
-        Matrix::from_triplets(1, 1, &[(0, 1, 1.0)]) => SparseError::OutOfBounds { .. },
-        Matrix::from_rows(&[vec![1.0, 2.0], vec![1.0]]) => SparseError::Length { .. },
+        Matrix::from_triplets(1, 1, &[(0, 1, 1.0)]) => InputError::OutOfBounds { .. },
+        Matrix::from_rows(&[vec![1.0, 2.0], vec![1.0]]) => InputError::Length { .. },
     }
 }

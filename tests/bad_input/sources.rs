@@ -6,13 +6,14 @@ use std::io;
 use std::path::PathBuf;
 
 use semismooth::Cause;
+use semismooth::InputError;
 use semismooth::contact::{read_delassus, read_folder};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Event};
 use semismooth::fem::{Mesh, read_gmsh};
 use semismooth::linear::{LinearError, LinearSolver};
 use semismooth::output::{JsonLinesWriter, write_csv, write_vtu};
 use semismooth::sparse::{
-    Matrix, MatrixRef, PatternRef, SparseError, read_matrix_market, read_vector, write_matrix_market,
+    Matrix, MatrixRef, PatternRef, read_matrix_market, read_vector, write_matrix_market,
 };
 
 const MISSING: &str = "no/such/folder/file.vtu";
@@ -94,7 +95,7 @@ fn matrices_in_files_keep_what_is_wrong_with_them() {
         r#"{"dimension": 2, "mu": [0.3], "q": [0.0, 0.0], "M": {"format": "csc", "indptr": [0, 1, 1], "indices": [7], "data": [1.0]}}"#,
     );
     let e = read_delassus(&path).unwrap_err();
-    let outside = Some(&SparseError::OutOfBounds {
+    let outside = Some(&InputError::OutOfBounds {
         row: 7,
         col: 0,
         nrows: 2,

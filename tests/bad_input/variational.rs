@@ -1,6 +1,6 @@
 use std::ops::ControlFlow;
 
-use semismooth::complementarity::{AffineFunction, McpFunction, WithJacobian};
+use semismooth::complementarity::{AffineFunction, ComplementarityError, McpFunction, WithJacobian};
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::run::Status;
 use semismooth::sparse::Matrix;
@@ -73,8 +73,7 @@ fn polyhedra(t: &mut Table) {
             Polyhedron::boxed(vec![-1.0, lower], vec![1.0, upper])
         });
     }
-    type With =
-        fn(Polyhedron, Matrix, Vec<f64>) -> Result<Polyhedron, semismooth::variational::VariationalError>;
+    type With = fn(Polyhedron, Matrix, Vec<f64>) -> Result<Polyhedron, ComplementarityError>;
     for (entry, with, names) in [
         (
             "variational::Polyhedron::with_inequalities",

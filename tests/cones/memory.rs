@@ -1,7 +1,7 @@
 //! What does not fit into the memory allowed is refused before any of it is allocated.
 
-use semismooth::complementarity::AffineFunction;
-use semismooth::cones::{Cone, ConeError, ConeMap, ConeOptions, ConeProblem, ConeSolver};
+use semismooth::complementarity::{AffineFunction, ComplementarityError};
+use semismooth::cones::{Cone, ConeMap, ConeOptions, ConeProblem, ConeSolver};
 use semismooth::sparse::Matrix;
 
 fn nearest(cones: Vec<Cone>) -> ConeProblem<AffineFunction> {
@@ -22,14 +22,17 @@ fn what_does_not_fit_is_refused() {
         let squared = (cone.len() as f64).powi(2);
         let large = |needed: f64, limit: f64| limit == 4096.0 * 1024.0 * 1024.0 && needed >= 8.0 * squared;
         assert!(
-            matches!(refused, Err(ConeError::Memory { needed, limit }) if large(needed, limit)),
+            matches!(refused, Err(ComplementarityError::Memory { needed, limit }) if large(needed, limit)),
             "{cone:?}: {refused:?}"
         );
         assert!(matches!(
             ConeMap::natural(&problem),
-            Err(ConeError::Memory { .. })
+            Err(ComplementarityError::Memory { .. })
         ));
-        assert!(matches!(ConeMap::normal(&problem), Err(ConeError::Memory { .. })));
+        assert!(matches!(
+            ConeMap::normal(&problem),
+            Err(ComplementarityError::Memory { .. })
+        ));
     }
     for cones in [vec![Cone::SecondOrder(4); 5_000], vec![Cone::Nonnegative(20_000)]] {
         let problem = nearest(cones);
@@ -46,7 +49,7 @@ fn the_limit_is_chosen() {
     let needed = |n: usize| {
         let options = ConeOptions::default().with_max_memory(1);
         match ConeSolver::new(options).solve(&nearest(vec![Cone::SecondOrder(n)]), &mut vec![0.0; n]) {
-            Err(ConeError::Memory { needed, .. }) => needed,
+            Err(ComplementarityError::Memory { needed, .. }) => needed,
             other => panic!("{other:?}"),
         }
     };

@@ -92,7 +92,7 @@ fn limits_of_a_step() {
     let cut = follow(&options).unwrap();
     assert!(
         cut.iter()
-            .all(|s| s.arrival == Arrival::Ended(Termination::MaxPoints))
+            .all(|s| s.arrival == Arrival::Ended(Termination::PointLimit))
     );
     for (a, b) in whole.iter().zip(&cut) {
         let apart = a.x.iter().zip(&b.x).map(|(a, b)| (a - b).abs());

@@ -25,7 +25,7 @@ fn follow(problem: FullContact<PlanarCoulomb>) -> Branch {
 
 /// Sorted diagonal of A, sorted loads and gaps do not depend on the numbering; nor do the transitions of the load path.
 fn agrees(ours: FullContact<PlanarCoulomb>, folder: &str) {
-    let theirs = read_folder(data(folder)).unwrap().problem;
+    let theirs = read_folder(data(folder)).unwrap();
     assert_eq!(ours.num_displacements(), theirs.num_displacements());
     assert_eq!(ours.num_contacts(), theirs.num_contacts());
     let sorted = |mut v: Vec<f64>| {

@@ -33,7 +33,7 @@ impl Drop for Copy {
 fn broken_descriptions_are_named() {
     let copy = Copy::new("meta");
     let whole = read_folder(&copy.0).unwrap();
-    let p = whole.problem.num_contacts();
+    let p = whole.num_contacts();
     let read = |text: &str| {
         std::fs::write(copy.0.join("meta.json"), text).unwrap();
         read_folder(&copy.0)
@@ -59,10 +59,8 @@ fn broken_descriptions_are_named() {
         assert!(words.iter().all(|w| error.contains(w)), "{text}: {error}");
     }
     // One number stands for a list of equal ones; r is the problem's own choice unless given.
-    let one = read("{\"friction\": 0.25}").unwrap().problem;
-    let list = read(&format!("{{\"friction\": {:?}, \"r\": 1}}", vec![0.25; p]))
-        .unwrap()
-        .problem;
+    let one = read("{\"friction\": 0.25}").unwrap();
+    let list = read(&format!("{{\"friction\": {:?}, \"r\": 1}}", vec![0.25; p])).unwrap();
     assert_eq!(one.friction_at(0.5), vec![0.25; p]);
     assert_eq!(one.friction_at(0.5), list.friction_at(0.5));
     // Traces pick single displacements here, whose stiffness is an entry of the diagonal.
@@ -93,7 +91,7 @@ fn broken_descriptions_are_named() {
     std::fs::write(copy.0.join("f1.txt"), &f1).unwrap();
     // θ¹ = λν + r (u_ν − gap) at 0; without a file of gaps there are none.
     let first_tests = || {
-        let problem = read_folder(&copy.0).unwrap().problem.with_r(1.0).unwrap();
+        let problem = read_folder(&copy.0).unwrap().with_r(1.0).unwrap();
         let tests = problem.num_tests(0);
         let mut theta = vec![f64::NAN; tests * p];
         assert!(problem.reported_tests(&vec![0.0; problem.num_vars()], &mut theta));
@@ -109,7 +107,7 @@ fn broken_descriptions_are_named() {
 fn sizes_that_the_entries_do_not_bear_are_refused_before_anything_is_made() {
     let copy = Copy::new("sizes");
     let whole = read_folder(&copy.0).unwrap();
-    let n = whole.problem.num_displacements();
+    let n = whole.num_displacements();
     for (file, text) in [
         ("Bnu.mtx", format!("16777000 {n} 0\n")),
         ("Bnu.mtx", format!("70000000 {n} 1\n1 1 1\n")),

@@ -1,5 +1,6 @@
 //! The doors from a mesh: the same solution in all forms, and the form that suits a body.
 
+use semismooth::InputError;
 use semismooth::contact::{
     ContactError, ContactForm, ContactProblem, ContactState, FrictionCoefficient, LoadPath, NodeLaw,
     OrthotropicCoulomb, PlanarCoulomb,
@@ -127,7 +128,7 @@ fn agree<L: NodeLaw + Clone + Sync>(dim: usize, law: L) {
     });
     assert!(matches!(
         problems[0].solve(0.0, start.as_ref()),
-        Err(ContactError::Length { .. })
+        Err(ContactError::Input(InputError::Length { .. }))
     ));
 }
 

@@ -2,14 +2,15 @@
 
 use crate::random::Random;
 use crate::support::laplacian;
+use semismooth::InputError;
 use semismooth::contact::{CondensedContact, FrictionCoefficient, FrictionCurve, FullContact, PlanarCoulomb};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
-use semismooth::interface::{InterfaceError, InterfaceProblem, LoadPath};
+use semismooth::interface::{InterfaceProblem, LoadPath};
 use semismooth::linear::{AutoSolver, LinearSolver};
 use semismooth::newton::Newton;
 use semismooth::piecewise::check::{CheckOptions, check};
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection, select};
+use semismooth::piecewise::{Facet, PiecewiseError, PiecewiseSmooth, Selection, select};
 use semismooth::sparse::Matrix;
 
 /// Coulomb friction in the plane, implemented independently: v = (u_ν, u_t), λ = (λ_ν, λ_t), nodes in blocks; r = 1.
@@ -359,12 +360,18 @@ fn bad_parts_are_named() {
     assert!(e.to_string().contains("load"), "{e}");
     let wild = LoadPath::affine(vec![0.0; 9], vec![f64::NAN; 9]);
     let e = InterfaceProblem::from_parts(good.a.clone(), &good.b.clone(), wild, law.clone()).unwrap_err();
-    assert!(matches!(e, InterfaceError::NotFinite { index: 0, .. }), "{e}");
+    assert!(
+        matches!(e, PiecewiseError::Input(InputError::NotFinite { index: 0, .. })),
+        "{e}"
+    );
     let mut skew = good.a.clone();
     skew.add(0, 1, 0.5);
     let problem = InterfaceProblem::from_parts(skew, &good.b.clone(), load(), law.clone()).unwrap();
     let e = problem.condensed().unwrap_err();
-    assert!(matches!(e, InterfaceError::NotSymmetric { .. }), "{e}");
+    assert!(
+        matches!(e, PiecewiseError::Input(InputError::NotSymmetric { .. })),
+        "{e}"
+    );
     let floating = InterfaceProblem::from_parts(laplacian(3, true), &good.b.clone(), load(), law).unwrap();
     let e = floating.condensed().unwrap_err();
     assert!(e.to_string().contains("positive definite"), "{e}");

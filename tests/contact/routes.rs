@@ -1,6 +1,7 @@
 //! One contact problem, all routes to its solution: full form, condensed form, fixed point, Delassus form.
 
 use proptest::prelude::*;
+use semismooth::InputError;
 use semismooth::contact::{
     Bonded, Cohesive, CondensedContact, ContactBody, ContactError, ContactSolution, DelassusSolver,
     FixedPointOptions, FrictionCoefficient, FrictionCurve, Frictionless, FullContact, GivenBound,
@@ -292,11 +293,11 @@ fn misuse_is_named() {
     let full = FullContact::new(body, PlanarCoulomb::new(constant(0.2))).unwrap();
     assert!(matches!(
         full.solve(f64::NAN, None),
-        Err(ContactError::NotFinite { .. })
+        Err(ContactError::Input(InputError::NotFinite { .. }))
     ));
     assert!(matches!(
         full.solve(0.0, Some(&[0.0; 3])),
-        Err(ContactError::Length { found: 3, .. })
+        Err(ContactError::Input(InputError::Length { found: 3, .. }))
     ));
     assert!(matches!(
         full.clone().with_r(-1.0),

@@ -294,7 +294,7 @@ fn curves_end_within_a_search_on_request() {
     };
     let (branch, asked) = follow(&vec![0.0; 81], Direction::Increasing, 300);
     let branch = branch.unwrap();
-    assert_eq!(branch.termination, Termination::Stopped);
+    assert_eq!(branch.termination, Termination::Interrupted);
     assert!(
         branch.transitions.iter().all(|t| !t.complete) && (301..1_000).contains(&asked),
         "{asked}"

@@ -163,7 +163,7 @@ fn curves_that_cannot_branch_pass_clusters_of_kinks_one_by_one() {
         assert!(
             matches!(
                 branch.termination,
-                Termination::MaxArclength | Termination::Unbounded
+                Termination::ArclengthLimit | Termination::Unbounded
             ),
             "{case}"
         );
@@ -228,7 +228,7 @@ fn a_kink_far_away_does_not_change_what_happens_at_a_cluster() {
                 };
                 let options = ContinuationOptions::default().with_max_arclength(2.5);
                 let branch = Branch::follow(&map, &start, direction, options).unwrap();
-                assert_eq!(branch.termination, Termination::MaxArclength);
+                assert_eq!(branch.termination, Termination::ArclengthLimit);
                 let told = branch.transitions.iter().map(|t| (t.kind, t.vanishing.clone()));
                 told.collect::<Vec<_>>()
             });
@@ -300,7 +300,7 @@ fn a_curve_goes_on_where_more_kinks_meet_than_can_be_searched() {
             .with_max_arclength(before.hypot(1.0) + after.hypot(1.0))
             .with_max_step(0.5);
         let branch = Branch::follow(&map, &start, direction, options).unwrap();
-        assert_eq!(branch.termination, Termination::MaxArclength, "{jump}");
+        assert_eq!(branch.termination, Termination::ArclengthLimit, "{jump}");
         let [t] = branch.transitions.as_slice() else {
             panic!("{:?}", branch.transitions)
         };

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use super::curves::{follow, lens, near, parabola_and_line, two_arcs, within};
 use super::maps::Plane;
 use crate::squares;
+use semismooth::InputError;
 use semismooth::continuation::{
     Branch, Continuation, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, Event,
     FoldSet, PointKind, Termination, arms_at,
@@ -60,7 +61,7 @@ fn limits_end_a_branch() {
     let start = [2.4, 4.76];
     let o = within((-2.0, 6.0));
     let branch = follow(&map, start, Direction::Decreasing, o.clone().with_max_points(7));
-    assert_eq!(branch.termination, Termination::MaxPoints);
+    assert_eq!(branch.termination, Termination::PointLimit);
     assert_eq!(branch.points.len() + branch.transitions.len(), 7);
     let branch = follow(
         &map,
@@ -68,7 +69,7 @@ fn limits_end_a_branch() {
         Direction::Decreasing,
         o.clone().with_max_arclength(1.25),
     );
-    assert_eq!(branch.termination, Termination::MaxArclength);
+    assert_eq!(branch.termination, Termination::ArclengthLimit);
     let length = branch.arclength();
     assert!((1.25 - 1e-6..1.26).contains(&length), "{length}");
     let o = within((-2.0, 1e9)).with_max_growth(10.0);
@@ -95,7 +96,7 @@ fn the_iterator_can_be_inspected() {
     }
     curve.stop();
     assert!(curve.next().is_none());
-    assert_eq!(curve.termination(), Some(Termination::Stopped));
+    assert_eq!(curve.termination(), Some(Termination::Interrupted));
     // The rest of a curve can be collected.
     let mut curve =
         Continuation::new(&map, &[2.4, 4.76], Direction::Decreasing, within((-2.0, 6.0))).unwrap();
@@ -118,7 +119,7 @@ fn an_observer_stops_at_the_first_transition() {
     .unwrap();
     assert_eq!(
         (branch.transitions.len(), branch.termination),
-        (1, Termination::Stopped)
+        (1, Termination::Interrupted)
     );
     assert!(
         branch
@@ -162,11 +163,11 @@ fn starts_outside_the_range_are_refused() {
             assert!(
                 matches!(
                     error,
-                    ContinuationError::Option {
+                    ContinuationError::Input(InputError::Option {
                         name: "start",
                         value: 4.76,
                         ..
-                    }
+                    })
                 ),
                 "{error}"
             );

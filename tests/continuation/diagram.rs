@@ -216,7 +216,7 @@ fn limits_are_reported() {
     })
     .unwrap();
     match stopped.completeness() {
-        DiagramCompleteness::Limited(list) => assert!(list.contains(&Limit::Stopped)),
+        DiagramCompleteness::Limited(list) => assert!(list.contains(&Limit::Interrupted)),
         other => panic!("{other}"),
     }
     // A curve that is cut off, at its length or at its number of points, leaves a diagram that is not complete.

@@ -274,7 +274,7 @@ fn sections_are_observed() {
         .unwrap();
         assert_eq!(asked_after, 0);
         match diagram.completeness() {
-            DiagramCompleteness::Limited(list) => assert!(list.contains(&Limit::Stopped), "{list:?}"),
+            DiagramCompleteness::Limited(list) => assert!(list.contains(&Limit::Interrupted), "{list:?}"),
             other => panic!("{other}"),
         }
         diagram
@@ -535,10 +535,10 @@ fn limits_in_words() {
         termination: Termination::Unbounded,
     };
     for (limit, text) in [
-        (Limit::MaxEdges, "limit on edges"),
-        (Limit::MaxPoints, "limit on points"),
-        (Limit::MaxTime, "limit on time"),
-        (Limit::Stopped, "stopped"),
+        (Limit::EdgeLimit, "edge limit"),
+        (Limit::PointLimit, "point limit"),
+        (Limit::TimeLimit, "time limit"),
+        (Limit::Interrupted, "interrupted"),
         (curve.clone(), "tends to infinity at vertex 3"),
         (
             Limit::Solutions { parameter: -0.5 },
@@ -552,10 +552,10 @@ fn limits_in_words() {
     ] {
         assert_eq!(limit.to_string(), text);
     }
-    let list = DiagramCompleteness::Limited(vec![Limit::MaxEdges, curve]);
+    let list = DiagramCompleteness::Limited(vec![Limit::EdgeLimit, curve]);
     assert_eq!(
         list.to_string(),
-        "incomplete: limit on edges; tends to infinity at vertex 3"
+        "incomplete: edge limit; tends to infinity at vertex 3"
     );
     // A run that reaches its limits reports the same.
     let (map, _) = circle();
@@ -563,5 +563,5 @@ fn limits_in_words() {
     let cut = Diagram::explore(&map, &[[0.8, 0.6]], &few).unwrap();
     let first = cut.to_string().lines().next().unwrap().to_owned();
     assert!(first.contains("incomplete: "), "{first}");
-    assert!(first.contains("limit on points"), "{first}");
+    assert!(first.contains("point limit"), "{first}");
 }

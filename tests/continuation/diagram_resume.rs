@@ -1,8 +1,10 @@
 //! Explorations that are stopped anywhere and resumed give the diagram of an uninterrupted one.
 
-use crate::common;
 use std::ops::ControlFlow;
 
+use crate::common;
+
+use semismooth::InputError;
 use semismooth::continuation::{ContinuationError, Diagram, DiagramOptions, Termination, VertexKind};
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::piecewise::{MinMap, PiecewiseSmooth};
@@ -161,7 +163,7 @@ fn limits_on_points_are_lifted_and_others_refused() {
     let limited = |d: &Diagram| {
         d.vertices()
             .iter()
-            .any(|v| v.kind == VertexKind::Limit(Termination::MaxPoints))
+            .any(|v| v.kind == VertexKind::Limit(Termination::PointLimit))
     };
     assert!(limited(&part), "{part}");
     // The same limit again: nothing can be added.
@@ -177,13 +179,16 @@ fn limits_on_points_are_lifted_and_others_refused() {
     );
     let other_range = DiagramOptions::default().with_parameter_range((-2.0, 2.0));
     let refused = part.clone().resume(&circle, &NONE, &other_range);
-    assert!(matches!(refused, Err(ContinuationError::Option { .. })));
+    assert!(matches!(
+        refused,
+        Err(ContinuationError::Input(InputError::Option { .. }))
+    ));
     let other_map = MinMap::curve(2, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
         a.copy_from_slice(&x[..2]);
         b.fill(1e9);
     });
     assert!(matches!(
         part.resume(&other_map, &NONE, &DiagramOptions::default()),
-        Err(ContinuationError::Map(_))
+        Err(ContinuationError::Input(InputError::Length { .. }))
     ));
 }

@@ -339,7 +339,7 @@ fn curved_pieces_are_refused() {
 #[test]
 fn six_arms_where_eleven_nodes_graze() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/block_symmetric");
-    let map = read_folder(folder).unwrap().problem.condensed().unwrap();
+    let map = read_folder(folder).unwrap().condensed().unwrap();
     let mut x = vec![0.0; map.num_vars()];
     x[map.num_vars() - 1] = 0.5;
     let found = all_arms(&map, &x, &EnumerationOptions::default()).unwrap();

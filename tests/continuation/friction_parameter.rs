@@ -22,7 +22,7 @@ const NODE: usize = 0;
 /// The vee at γ = 0.38, with one coefficient of friction F = α for all nodes.
 fn vee() -> FullContact<PlanarCoulomb> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/vee");
-    let problem = read_folder(folder).unwrap().problem;
+    let problem = read_folder(folder).unwrap();
     let p = problem.num_contacts();
     let load = problem.body().load_at(0.38);
     problem

@@ -44,8 +44,8 @@ fn check_folder(name: &str, transitions: usize) {
     let json: Value = serde_json::from_str(&text).unwrap();
     let events = json["events"].as_array().unwrap();
     assert_eq!(events.len(), transitions);
-    check(&folder.problem.condensed().unwrap(), events);
-    check(&folder.problem, events);
+    check(&folder.condensed().unwrap(), events);
+    check(&folder, events);
 }
 
 #[test]
@@ -56,7 +56,7 @@ fn vee() {
 #[test]
 fn vee_folds() {
     let folder = read_folder(data("tests/data/vee")).unwrap();
-    let map = folder.problem.condensed().unwrap();
+    let map = folder.condensed().unwrap();
     let start = map.solve(0.0, None).unwrap();
     let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
     let branch = Branch::follow(&map, &start, Direction::Increasing, options).unwrap();

@@ -124,7 +124,7 @@ fn a_diagram_reports_that_arms_may_be_missing() {
 #[test]
 fn the_symmetric_block() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/block_symmetric");
-    let map = read_folder(folder).unwrap().problem.condensed().unwrap();
+    let map = read_folder(folder).unwrap().condensed().unwrap();
     let mut x = vec![0.0; map.num_vars()];
     x[map.num_vars() - 1] = 0.5;
     let capped = EnumerationOptions::default().with_max_nodes(5);

@@ -117,7 +117,7 @@ fn another_thread_may_cancel() {
     .unwrap();
     assert_eq!(
         (branch.termination, branch.points.len()),
-        (Termination::Stopped, 3)
+        (Termination::Interrupted, 3)
     );
 }
 
@@ -131,7 +131,7 @@ mod polygons {
     #[test]
     fn zeros_between_the_kinks_of_a_load_path() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/vee");
-        let map = read_folder(folder).unwrap().problem.condensed().unwrap();
+        let map = read_folder(folder).unwrap().condensed().unwrap();
         let x = map.solve(0.0, None).unwrap();
         let options = || ContinuationOptions::default().with_parameter_range((0.0, 1.0));
         let start = || Continuation::new(&map, &x, Direction::Increasing, options()).unwrap();

@@ -133,7 +133,7 @@ fn passes(setting: Setting, count: u64) {
         assert!(
             matches!(
                 branch.termination,
-                Termination::MaxArclength | Termination::Closed
+                Termination::ArclengthLimit | Termination::Closed
             ),
             "{k}: {} at a gap of {gap:e}",
             branch.termination
@@ -145,7 +145,7 @@ fn passes(setting: Setting, count: u64) {
 fn crosses(setting: Setting, count: u64) {
     for k in 0..cases(count) {
         let (map, _, branch) = follow(setting, k, 0.0);
-        assert_eq!(branch.termination, Termination::MaxArclength, "{k}");
+        assert_eq!(branch.termination, Termination::ArclengthLimit, "{k}");
         let at_origin: Vec<_> = (branch.branch_points.iter())
             .filter(|b| {
                 let u = map.unknowns(&b.point.x);

@@ -266,7 +266,7 @@ fn bent_graphs_of_nested_kinks_are_followed_to_their_end() {
         let options = ContinuationOptions::default().with_max_arclength(9.0);
         let x = [start, graph.plain(start)];
         let branch = Branch::follow(&Traced::new(Bent(Drawn::new(seed))), &x, direction, options).unwrap();
-        assert_eq!(branch.termination, Termination::MaxArclength, "{seed}");
+        assert_eq!(branch.termination, Termination::ArclengthLimit, "{seed}");
         let kinds: Vec<_> = branch.transitions.iter().map(|t| t.kind).collect();
         assert!(
             !kinds.contains(&TransitionKind::Branching) && branch.branch_points.is_empty(),
@@ -316,7 +316,7 @@ fn rounding_of_test_functions_that_vanish_is_no_kink() {
             .with_max_arclength(9.0)
             .with_max_points(300);
         let branch = Branch::follow(&Traced::new(Rising(Drawn::new(seed))), &x, direction, options).unwrap();
-        assert_eq!(branch.termination, Termination::MaxArclength, "{seed}");
+        assert_eq!(branch.termination, Termination::ArclengthLimit, "{seed}");
         assert!(
             branch.transitions.len() < 40 && branch.branch_points.is_empty(),
             "{seed}"
@@ -343,7 +343,7 @@ fn graphs_of_random_nested_kinks_have_their_jumps_and_nothing_else() {
         let options = ContinuationOptions::default().with_max_arclength(9.0);
         let x = [start, graph.plain(start)];
         let branch = Branch::follow(&Traced::new(Drawn::new(seed)), &x, direction, options).unwrap();
-        assert_eq!(branch.termination, Termination::MaxArclength, "{seed}");
+        assert_eq!(branch.termination, Termination::ArclengthLimit, "{seed}");
         let flat = branch
             .transitions
             .iter()

@@ -216,7 +216,7 @@ fn steps_adapt_to_the_rate_of_convergence() {
             .with_max_arclength(60.0);
         let branch =
             Branch::follow(&Traced::new(Circle), &[1.0, 0.0], Direction::Increasing, options).unwrap();
-        assert_eq!(branch.termination, Termination::MaxArclength);
+        assert_eq!(branch.termination, Termination::ArclengthLimit);
         let chord =
             |w: &[semismooth::continuation::Point]| (w[0].x[0] - w[1].x[0]).hypot(w[0].x[1] - w[1].x[1]);
         branch.points.windows(2).map(chord).collect::<Vec<f64>>()

@@ -2,6 +2,7 @@
 #![cfg(feature = "serde")]
 
 use crate::common;
+use semismooth::InputError;
 use semismooth::contact::read_folder;
 use semismooth::continuation::{
     Continuation, ContinuationError, ContinuationOptions, Direction, Event, SavedRun, Termination,
@@ -107,7 +108,7 @@ fn the_printed_examples() {
 #[test]
 fn a_load_path() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/vee");
-    let map = read_folder(folder).unwrap().problem.condensed().unwrap();
+    let map = read_folder(folder).unwrap().condensed().unwrap();
     let x = map.solve(0.0, None).unwrap();
     let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
     let events = check(&map, &x, Direction::Increasing, &options);
@@ -166,7 +167,7 @@ fn limits_can_be_raised() {
     let few = ContinuationOptions::default().with_max_points(7);
     let mut run = Continuation::new(&circle, &[0.8, 0.6], Direction::Increasing, few).unwrap();
     let mut events: Events = run.by_ref().collect();
-    assert_eq!(run.termination(), Some(Termination::MaxPoints));
+    assert_eq!(run.termination(), Some(Termination::PointLimit));
     let saved = run.save().unwrap();
     assert_eq!(Continuation::resume(&circle, &saved).unwrap().count(), 0);
     // The state reports the last event.
@@ -208,7 +209,7 @@ fn states_of_other_maps_are_refused() {
     let other = common::cases().into_iter().find(|c| c.name == "p2_ex1").unwrap();
     assert!(matches!(
         Continuation::resume(&other.problem, &saved),
-        Err(ContinuationError::Map(_))
+        Err(ContinuationError::Input(InputError::Length { .. }))
     ));
     // Damaged states: an invalid piece, lists of other lengths, an option out of range.
     let json = serde_json::to_value(&saved).unwrap();

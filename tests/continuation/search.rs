@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use crate::random::Random;
+use semismooth::InputError;
 use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{
     ContinuationError, FoundBy, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
@@ -241,15 +242,24 @@ fn it_can_be_ended_and_bad_input_is_refused() {
     assert_eq!((long.runs, &long.solutions), (none.runs, &none.solutions));
     assert!(none.runs > 3 && over.runs == 0 && over.solutions.is_empty());
     let short = search_solutions(&map, 0.0, &[vec![0.0; 3]], &options);
-    assert!(matches!(short, Err(ContinuationError::Map(_))));
+    assert!(matches!(
+        short,
+        Err(ContinuationError::Input(InputError::Length { .. }))
+    ));
     let nan = search_solutions(&map, 0.0, &[vec![f64::NAN; 13]], &options);
-    assert!(matches!(nan, Err(ContinuationError::Map(_))));
+    assert!(matches!(
+        nan,
+        Err(ContinuationError::Input(InputError::NotFinite { .. }))
+    ));
     assert!(search_solutions(&map, f64::NAN, &NONE, &options).is_err());
     for bad in [
         options.clone().with_spread(0.0),
         options.with_reach(Some(f64::NAN)),
     ] {
         let refused = search_solutions(&map, 0.0, &NONE, &bad);
-        assert!(matches!(refused, Err(ContinuationError::Option { .. })));
+        assert!(matches!(
+            refused,
+            Err(ContinuationError::Input(InputError::Option { .. }))
+        ));
     }
 }

@@ -175,7 +175,7 @@ impl Seen {
             self.missed.push(k);
         }
         let end = branch.termination.to_string();
-        if branch.termination != Termination::MaxArclength {
+        if branch.termination != Termination::ArclengthLimit {
             self.ends.entry(end).or_default().push(k);
         }
     }

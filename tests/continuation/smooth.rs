@@ -17,7 +17,7 @@ fn a_quadratic_fold() {
         let o = within((-10.0, 1.0)).with_step(h);
         let branch = follow(&map, [start, -start * start], Direction::Increasing, o);
         assert_eq!(branch.smooth_folds.len(), 1);
-        assert!(near(&branch.smooth_folds[0].point.x, [0.0, 0.0], 1e-12));
+        assert!(near(&branch.smooth_folds[0].x, [0.0, 0.0], 1e-12));
         assert!(branch.branch_points.is_empty() && branch.transitions.is_empty());
         assert_eq!(branch.termination, Termination::ParameterRange);
         let end = branch.points.last().unwrap();
@@ -47,7 +47,7 @@ fn a_curve_that_runs_back_beside_its_start_is_not_closed() {
             let branch = Branch::follow(&map, &[y, -c * y * y], Direction::Increasing, o).unwrap();
             assert_eq!(
                 branch.termination,
-                Termination::MaxArclength,
+                Termination::ArclengthLimit,
                 "c {c}, start at {y}"
             );
             assert_eq!(branch.smooth_folds.len(), 1);
@@ -72,7 +72,7 @@ fn sharp_folds_far_from_the_origin_are_located_to_rounding() {
             let o = within((start[1] - 1.0, 2e3));
             let branch = Branch::follow(&map, &start, Direction::Increasing, o).unwrap();
             assert_eq!(branch.smooth_folds.len(), 1, "{c} {y}");
-            let fold = &branch.smooth_folds[0].point.x;
+            let fold = &branch.smooth_folds[0].x;
             assert!(near(fold, [0.0, 1e3], 1e-11), "{c} {y} {fold:?}");
             assert_eq!(branch.termination, Termination::ParameterRange);
         }
@@ -85,7 +85,7 @@ fn a_cubic_turning_twice() {
     let map = Plane::smooth(|y, a| [y * y * y - y - a, 3.0 * y * y - 1.0, -1.0]);
     let branch = follow(&map, [-2.0, -6.0], Direction::Increasing, within((-6.0, 6.0)));
     let y = 1.0 / 3f64.sqrt();
-    let folds: Vec<_> = branch.smooth_folds.iter().map(|f| f.point.x.clone()).collect();
+    let folds: Vec<_> = branch.smooth_folds.iter().map(|f| f.x.clone()).collect();
     assert_eq!(folds.len(), 2);
     assert!(near(&folds[0], [-y, 2.0 / 3.0 * y], 1e-12) && near(&folds[1], [y, -2.0 / 3.0 * y], 1e-12));
     assert!(near(&branch.points.last().unwrap().x, [2.0, 6.0], 1e-9));
@@ -190,7 +190,7 @@ fn near_misses() {
             "h_max {h}"
         );
         assert_eq!(branch.smooth_folds.len(), 1);
-        assert!(near(&branch.smooth_folds[0].point.x, [0.0, -1e-2], 1e-10));
+        assert!(near(&branch.smooth_folds[0].x, [0.0, -1e-2], 1e-10));
         let branch = follow(&parallel, [-(3f64.sin()), -1.0], Direction::Increasing, o);
         for p in &branch.points {
             assert!(
@@ -519,7 +519,7 @@ fn folds_of_steep_curves() {
         let options = ContinuationOptions::default().with_parameter_range((-scale, scale));
         let start = [-1.2, scale * (-1.2 + 1.728)];
         let branch = Branch::follow(&map, &start, Direction::Decreasing, options).unwrap();
-        let folds: Vec<f64> = branch.smooth_folds.iter().map(|f| f.point.x[0]).collect();
+        let folds: Vec<f64> = branch.smooth_folds.iter().map(|f| f.x[0]).collect();
         assert_eq!(folds.len(), 2, "{scale:e}: {folds:?}");
         let exact = 1.0 / 3.0_f64.sqrt();
         for (y, at) in folds.iter().zip([-exact, exact]) {

@@ -63,7 +63,7 @@ fn tangents_turn_no_more_than_allowed() {
             );
             let mut turned = 0.0;
             let mut widest = 0.0_f64;
-            let folds = branch.smooth_folds.iter().map(|f| &f.point);
+            let folds = branch.smooth_folds.iter();
             let mut points: Vec<_> = branch.points.iter().chain(folds).collect();
             points.sort_by(|p, q| p.arclength.total_cmp(&q.arclength));
             for p in points.windows(2) {

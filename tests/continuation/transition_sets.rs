@@ -337,7 +337,7 @@ fn folds_are_followed_however_their_kernel_turns() {
         assert!(line.branch_points.is_empty());
         // It turns in the cusp.
         assert_eq!(line.smooth_folds.len(), 1);
-        let cusp = &line.smooth_folds[0].point.x;
+        let cusp = &line.smooth_folds[0].x;
         assert!((cusp[0] / unit).abs() < 1e-7 && cusp[5].abs() < 1e-12, "{cusp:?}");
         for p in &line.points {
             let [y, w, alpha, beta] = set.family_point(&p.x)[..] else {

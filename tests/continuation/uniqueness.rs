@@ -130,7 +130,7 @@ fn smooth_folds_fail() {
     let branch = Branch::follow(&map, &[1.0, -1.0], Direction::Increasing, options.clone()).unwrap();
     let list = branch.certify(&map, &Matrix::identity(1), &options).unwrap();
     let failing: Vec<f64> = list.iter().filter(|c| c.1.fails()).map(|c| c.0).collect();
-    assert_eq!(failing, [branch.smooth_folds[0].point.arclength]);
+    assert_eq!(failing, [branch.smooth_folds[0].arclength]);
 }
 
 proptest! {

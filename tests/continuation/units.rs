@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use super::curves::{lens, parabola_and_line, two_arcs, within};
 use super::maps::{Plane, same_cells};
+use semismooth::InputError;
 use semismooth::complementarity::{AffineFunction, Mcp};
 use semismooth::continuation::{
     Branch, Continuation, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, Event,
@@ -234,7 +235,7 @@ fn sizes_that_make_no_sense() {
     };
     assert!(matches!(
         follow(vec![1.0]),
-        ContinuationError::Map(PiecewiseError::Length {
+        ContinuationError::Input(InputError::Length {
             expected: 2,
             found: 1,
             ..
@@ -246,7 +247,7 @@ fn sizes_that_make_no_sense() {
     ));
     assert!(matches!(
         follow(vec![f64::NAN, 1.0]),
-        ContinuationError::Map(PiecewiseError::NotFinite { index: 0, .. })
+        ContinuationError::Input(InputError::NotFinite { index: 0, .. })
     ));
 }
 

@@ -57,7 +57,7 @@ fn folds_are_found_however_slow_the_parameter_is_between_them() {
             let (from, to) = (start * start * start - c * start, 2.0);
             let o = within(from, to);
             let branch = follow(&map, &[start, from], o.clone());
-            let folds: Vec<f64> = branch.smooth_folds.iter().map(|f| f.point.x[0]).collect();
+            let folds: Vec<f64> = branch.smooth_folds.iter().map(|f| f.x[0]).collect();
             let exact = (c / 3.0).sqrt();
             assert_eq!(folds.len(), 2, "c {c:e}: {folds:?}");
             for (y, exact) in folds.iter().zip([-exact, exact]) {
@@ -242,7 +242,7 @@ fn differences(seeds: std::ops::Range<u64>) -> (Vec<String>, usize) {
         let (a, b) = (outline(&coarse), outline(&fine));
         let near =
             |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
-        let limited = a.1 == Termination::MaxArclength;
+        let limited = a.1 == Termination::ArclengthLimit;
         if !(near(&a.0, &b.0) && a.1 == b.1 && a.2 == b.2 && (limited || near(&a.3, &b.3))) {
             differ.push(format!("{seed}: {a:?} {b:?}"));
         }
@@ -472,7 +472,7 @@ fn a_helix_is_not_closed() {
         let map = Traced::new(Round::Helix(pitch));
         let o = ContinuationOptions::default().with_max_arclength(30.0);
         let branch = follow(&map, &[1.0, 0.0, 0.0], o);
-        assert_eq!(branch.termination, Termination::MaxArclength, "{pitch:e}");
+        assert_eq!(branch.termination, Termination::ArclengthLimit, "{pitch:e}");
     }
 }
 

@@ -11,8 +11,9 @@ use std::path::Path;
 
 use proptest::prelude::*;
 use random::Random;
+use semismooth::InputError;
 use semismooth::contact::{
-    ContactState, DelassusError, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport,
+    ContactError, ContactState, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport,
     DelassusSolver, read_delassus,
 };
 use semismooth::run::Status;
@@ -557,56 +558,56 @@ fn bad_input_is_refused() {
     let q = || vec![-1.0; 6];
     assert!(matches!(
         make(4, eye(), q(), vec![0.1; 2]),
-        DelassusError::Dimension { found: 4 }
+        ContactError::Dimension { found: 4 }
     ));
     assert!(matches!(
         make(3, Matrix::identity(0), vec![], vec![]),
-        DelassusError::Empty
+        ContactError::Empty { .. }
     ));
     assert!(matches!(
         make(3, eye(), q(), vec![0.1; 3]),
-        DelassusError::Shape { expected: 9, .. }
+        ContactError::Input(InputError::Shape { rows: 9, .. })
     ));
     assert!(matches!(
         make(3, eye(), vec![0.0; 5], vec![0.1; 2]),
-        DelassusError::Length { found: 5, .. }
+        ContactError::Input(InputError::Length { found: 5, .. })
     ));
     let friction = make(3, eye(), q(), vec![0.1, -0.1]);
     assert!(matches!(
         friction,
-        DelassusError::NegativeFriction { contact: 1, .. }
+        ContactError::NegativeCoefficient { contact: 1, .. }
     ));
     for bad in [f64::NAN, f64::INFINITY] {
         let mut broken = q();
         broken[4] = bad;
         assert!(matches!(
             make(3, eye(), broken, vec![0.1; 2]),
-            DelassusError::NotFinite {
+            ContactError::Input(InputError::NotFinite {
                 what: "q",
                 index: 4,
                 ..
-            }
+            })
         ));
         assert!(matches!(
             make(3, eye(), q(), vec![0.1, bad]),
-            DelassusError::NotFinite {
+            ContactError::Input(InputError::NotFinite {
                 what: "mu",
                 index: 1,
                 ..
-            }
+            })
         ));
         let mut m = eye();
         m.values_mut()[2] = bad;
         assert!(matches!(
             make(3, m, q(), vec![0.1; 2]),
-            DelassusError::Matrix { .. }
+            ContactError::Matrix { .. }
         ));
     }
     let mut m = eye();
     m.values_mut()[3] = -1.0;
     assert!(matches!(
         make(3, m, q(), vec![0.1; 2]),
-        DelassusError::NegativeDiagonal { index: 3, .. }
+        ContactError::NegativeDiagonal { index: 3, .. }
     ));
 
     let p = DelassusProblem::new(3, eye(), q(), vec![0.1; 2]).unwrap();
@@ -615,24 +616,24 @@ fn bad_input_is_refused() {
     };
     assert!(matches!(
         go(&[0.0; 5]),
-        Err(DelassusError::Length {
+        Err(ContactError::Input(InputError::Length {
             what: "r",
             found: 5,
             ..
-        })
+        }))
     ));
     assert!(matches!(
         go(&[f64::NAN; 6]),
-        Err(DelassusError::NotFinite { what: "r", .. })
+        Err(ContactError::Input(InputError::NotFinite { what: "r", .. }))
     ));
     for tolerance in [0.0, -1.0, 1.0, f64::NAN] {
         let options = DelassusOptions::default().with_tolerance(tolerance);
         assert!(matches!(
             DelassusSolver::new(options).solve(&p),
-            Err(DelassusError::Option {
+            Err(ContactError::Input(InputError::Option {
                 name: "tolerance",
                 ..
-            })
+            }))
         ));
     }
 }
@@ -719,7 +720,7 @@ fn files_with_errors_are_refused() {
     }
     let missing = read_delassus(folder.join("missing.json")).unwrap_err();
     std::fs::remove_dir_all(&folder).unwrap();
-    assert!(matches!(missing, DelassusError::File { .. }));
+    assert!(matches!(missing, ContactError::Input(InputError::File { .. })));
     assert!(told.iter().all(|t| t.0), "{told:?}");
 }
 

@@ -4,14 +4,15 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+use semismooth::InputError;
 use semismooth::contact::{
-    CondensedContact, ContactError, KrylovOutcome, LoadPath, LocalRow, LocalValues, NodeLaw,
+    CondensedContact, ContactError, ContactStrategy, LoadPath, LocalRow, LocalValues, NodeLaw,
     OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedError, ReducedNodes,
-    ReducedOptions, ReducedProgress, ReducedStep, ReducedStrategy, ReducedSystem, solve_reduced,
+    ReducedOptions, ReducedProgress, ReducedStep, ReducedSystem, solve_reduced,
 };
 use semismooth::fem::Material;
-use semismooth::linear::LinearError;
-use semismooth::sparse::SparseError;
+use semismooth::linear::{KrylovReport, LinearError};
+use semismooth::run::Status;
 
 use crate::{block, constant, ground, rectangle, reduced_body};
 
@@ -46,9 +47,10 @@ fn observers_stop_searches() {
                 false => ControlFlow::Continue(()),
             }
         });
-        let Err(ContactError::Interrupted { best }) = found else {
+        let Err(ContactError::NotConverged { best }) = found else {
             panic!("{stop}: {found:?}");
         };
+        assert_eq!(best.status, Status::Interrupted);
         assert_eq!((calls, best.newton()), (stop + 1, seen[stop].newton));
         assert!(best.residuals.largest() > 1e-10);
         let own = stopping.solution(1.0, &best.displacements).unwrap();
@@ -71,7 +73,7 @@ fn observers_stop_searches() {
         }
     });
     assert!(
-        matches!(found, Err(ContactError::Interrupted { .. })),
+        matches!(&found, Err(ContactError::NotConverged { best }) if best.status == Status::Interrupted),
         "{found:?}"
     );
 }
@@ -179,7 +181,7 @@ impl ReducedSystem for Brittle {
     }
 
     /// Solves inexactly, so that Newton's method takes a few steps.
-    fn solve(&mut self, r: &[f64], d: &mut [f64], _: f64) -> Result<KrylovOutcome, LinearError> {
+    fn solve(&mut self, r: &[f64], d: &mut [f64], _: f64) -> Result<KrylovReport, LinearError> {
         self.solves = self.solves.saturating_sub(1);
         if self.solves == 0 {
             return Err(LinearError::NotFactored);
@@ -189,7 +191,7 @@ impl ReducedSystem for Brittle {
             *d = (1.0 - self.left) * r[k] / (self.diagonal[k] + more.sum::<f64>());
         }
         self.constrained.iter().for_each(|k| d[*k] = 0.0);
-        Ok(KrylovOutcome::new(1, self.left))
+        Ok(KrylovReport::new(Status::Stalled, 1, self.left))
     }
 
     fn sum(&self, _: &mut [f64]) -> Result<(), LinearError> {
@@ -309,7 +311,7 @@ fn time_ends_the_making_of_a_problem() {
         &ground(3),
     );
     let made = ReducedContact::new(body, OrthotropicCoulomb::isotropic(constant(0.3)), options);
-    assert_eq!(made.err(), Some(ContactError::Linear(LinearError::Interrupted)));
+    assert_eq!(made.err(), Some(ContactError::Linear(LinearError::TimeLimit)));
 }
 
 /// A matrix that overflows is reported as such, not as indefinite.
@@ -322,7 +324,7 @@ fn stiffness_beyond_the_range_of_numbers_is_refused() {
     let body = ReducedBody::new(system.nodal_stiffness().unwrap(), &rows.normal, &tangential, load);
     match body.err() {
         Some(ContactError::Matrix {
-            source: SparseError::NotFinite { row, col, value },
+            source: InputError::Entry { row, col, value },
             ..
         }) => assert!(!value.is_finite() && row.max(col) < system.num_free()),
         other => panic!("{other:?}"),
@@ -375,7 +377,7 @@ fn memory_is_reported_before_it_is_allocated() {
         .unwrap()
         .solve(1.0, None)
         .unwrap();
-    assert_eq!(wide.strategy, ReducedStrategy::Condensed);
+    assert_eq!(wide.strategy, ContactStrategy::Condensed);
 }
 
 /// Loads that overflow and laws without a reachable solution end with the best iterate, which is finite.

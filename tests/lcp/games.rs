@@ -1,6 +1,7 @@
 //! Bimatrix games by the method of Lemke and Howson, and linear programs with equations.
 
 use super::random::Random;
+use semismooth::InputError;
 use semismooth::complementarity::pivoting::{Lemke, LemkeOptions};
 use semismooth::complementarity::{ComplementarityError, Lcp};
 use semismooth::run::Status;
@@ -177,7 +178,13 @@ fn labels_that_begin_no_path_are_refused() {
     assert!(solve(&lcp(1.0, inf), 1).is_ok());
     let beyond = solve(&lcp(1.0, inf), 2);
     assert!(
-        matches!(beyond, Err(ComplementarityError::Option { name: "label", .. })),
+        matches!(
+            beyond,
+            Err(ComplementarityError::Input(InputError::Option {
+                name: "label",
+                ..
+            }))
+        ),
         "{beyond:?}"
     );
     for refused in [solve(&lcp(-1.0, inf), 0), solve(&lcp(1.0, 3.0), 0)] {

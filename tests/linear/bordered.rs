@@ -1,6 +1,7 @@
 //! Bordered systems against the explicit square system of order n + 1.
 
 use proptest::prelude::*;
+use semismooth::InputError;
 use semismooth::linear::{AutoSolver, Bordered, DENSE_LIMIT, DenseLu, LinearError, LinearSolver, SparseLu};
 use semismooth::sparse::{Matrix, MatrixRef, Pattern, PatternRef};
 
@@ -308,7 +309,7 @@ fn a_plugged_in_solver_serves() {
 fn bad_input_is_an_error() {
     for (m, n) in [(2, 2), (3, 2), (0, 0)] {
         let e = Bordered::new(&Pattern::full(m, n), AutoSolver::new()).unwrap_err();
-        assert!(matches!(e, LinearError::Shape { .. }), "{e}");
+        assert!(matches!(e, LinearError::Input(InputError::Length { .. })), "{e}");
     }
     let h = Matrix::from_rows(&[[1.0, 2.0, 3.0], [0.0, 1.0, 1.0]]).unwrap();
     let t = [1.0, 0.0, 0.0];
@@ -320,7 +321,7 @@ fn bad_input_is_an_error() {
     assert_eq!(b.factor(&other, None), Err(LinearError::NotAnalyzed));
     assert!(matches!(
         b.factor(&h, Some(&[1.0])),
-        Err(LinearError::Shape { .. })
+        Err(LinearError::Input(InputError::Length { .. }))
     ));
     assert!(matches!(
         b.factor(&h, Some(&[f64::NAN; 3])),
@@ -333,15 +334,15 @@ fn bad_input_is_an_error() {
     b.factor(&h, None).unwrap();
     assert!(matches!(
         b.solve(&[0.0; 3], &t, 1.0, &mut [0.0; 3]),
-        Err(LinearError::Shape { .. })
+        Err(LinearError::Input(InputError::Length { .. }))
     ));
     assert!(matches!(
         b.solve(&[0.0; 2], &t[..2], 1.0, &mut [0.0; 3]),
-        Err(LinearError::Shape { .. })
+        Err(LinearError::Input(InputError::Length { .. }))
     ));
     assert!(matches!(
         b.solve(&[0.0; 2], &t, 1.0, &mut [0.0; 2]),
-        Err(LinearError::Shape { .. })
+        Err(LinearError::Input(InputError::Length { .. }))
     ));
     assert!(matches!(
         b.solve(&[0.0; 2], &t, f64::NAN, &mut [0.0; 3]),

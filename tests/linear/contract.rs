@@ -2,6 +2,7 @@
 
 use crate::random::Random;
 use crate::support::{check_solves, dense, factored, general_solvers, laplacian, sparse};
+use semismooth::InputError;
 use semismooth::linear::{
     AutoSolver, Cholesky, DENSE_LIMIT, DenseLu, LinearError, LinearSolver, SparseLu, null_space,
 };
@@ -202,7 +203,10 @@ fn bad_input_is_an_error() {
             values: &[1.0],
         };
         assert!(
-            matches!(s.factor(short), Err(LinearError::Shape { .. })),
+            matches!(
+                s.factor(short),
+                Err(LinearError::Input(InputError::Length { .. }))
+            ),
             "{name}"
         );
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -213,7 +217,10 @@ fn bad_input_is_an_error() {
         }
         s.factor(a.as_ref()).unwrap();
         let e = s.solve_in_place(&mut [1.0, 2.0, 3.0]).unwrap_err();
-        assert!(matches!(e, LinearError::Shape { .. }), "{name}: {e}");
+        assert!(
+            matches!(e, LinearError::Input(InputError::Length { .. })),
+            "{name}: {e}"
+        );
         let e = s.solve_in_place(&mut [1.0, f64::NAN]).unwrap_err();
         assert!(matches!(e, LinearError::NotFinite { .. }), "{name}: {e}");
         let mut none: [f64; 0] = [];

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use proptest::prelude::*;
+use semismooth::InputError;
 use semismooth::sparse::{
-    Matrix, Pattern, SparseError, parse_matrix_market, parse_vector, read_matrix_market, read_vector,
-    write_matrix_market,
+    Matrix, Pattern, parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
 };
 
 type Triplets = Vec<(usize, usize, f64)>;
@@ -257,7 +257,7 @@ fn broken_files_are_named_with_their_line() {
     ];
     for (text, at, words) in cases {
         let e = parse_matrix_market(text).unwrap_err();
-        let SparseError::Parse { line, what, .. } = &e else {
+        let InputError::Parse { line, what, .. } = &e else {
             panic!("{text}: {e}");
         };
         assert!(*line == at && what.contains(words), "{text:?}: {e}");
@@ -266,15 +266,15 @@ fn broken_files_are_named_with_their_line() {
     let missing = scratch_file("missing");
     let e = read_matrix_market(&missing).unwrap_err();
     assert!(
-        matches!(&e, SparseError::Io { path, .. } if *path == missing),
+        matches!(&e, InputError::Io { path, .. } if *path == missing),
         "{e}"
     );
     let nan = Matrix::from_triplets(1, 1, &[(0, 0, f64::NAN)]).unwrap();
     let e = write_matrix_market(&missing, &nan).unwrap_err();
-    assert!(matches!(e, SparseError::NotFinite { .. }) && !missing.exists());
+    assert!(matches!(e, InputError::Entry { .. }) && !missing.exists());
     let nowhere = missing.join("file");
     let e = write_matrix_market(&nowhere, &Matrix::identity(1)).unwrap_err();
-    assert!(matches!(e, SparseError::Io { .. }), "{e}");
+    assert!(matches!(e, InputError::Io { .. }), "{e}");
 }
 
 #[test]
@@ -284,16 +284,16 @@ fn vectors() {
     assert_eq!(read_vector(&path).unwrap(), [1.5, -2.0, 3e-3, 4.0]);
     std::fs::write(&path, "1\n2 inf\n").unwrap();
     let e = read_vector(&path).unwrap_err();
-    let named = matches!(&e, SparseError::Parse { line: 2, path: p, .. } if *p == path);
+    let named = matches!(&e, InputError::Parse { line: 2, path: p, .. } if *p == path);
     assert!(named, "{e}");
     std::fs::remove_file(&path).unwrap();
-    assert!(matches!(read_vector(&path), Err(SparseError::Io { .. })));
+    assert!(matches!(read_vector(&path), Err(InputError::Io { .. })));
     assert_eq!(parse_vector("").unwrap(), [0.0; 0]);
 }
 
 #[test]
 fn patterns_and_matrices_refuse_what_does_not_fit() {
-    let entry = SparseError::OutOfBounds {
+    let entry = InputError::OutOfBounds {
         row: 2,
         col: 0,
         nrows: 2,
@@ -310,15 +310,15 @@ fn patterns_and_matrices_refuse_what_does_not_fit() {
         (vec![0, 2, 2], vec![1, 1]),
     ] {
         let e = Pattern::from_csc(2, 2, col_ptr, row_idx).unwrap_err();
-        assert!(matches!(e, SparseError::Malformed { .. }), "{e}");
+        assert!(matches!(e, InputError::Malformed { .. }), "{e}");
     }
     let e = Pattern::from_csc(2, 1, vec![0, 1], vec![2]).unwrap_err();
-    assert!(matches!(e, SparseError::OutOfBounds { row: 2, .. }), "{e}");
+    assert!(matches!(e, InputError::OutOfBounds { row: 2, .. }), "{e}");
     let e = Matrix::from_values(Pattern::full(1, 2), vec![1.0]).unwrap_err();
     assert!(
         matches!(
             e,
-            SparseError::Length {
+            InputError::Length {
                 expected: 2,
                 found: 1,
                 ..
@@ -329,12 +329,12 @@ fn patterns_and_matrices_refuse_what_does_not_fit() {
     let ragged: [&[f64]; 2] = [&[1.0], &[1.0, 2.0]];
     assert!(matches!(
         Matrix::from_rows(&ragged),
-        Err(SparseError::Length { .. })
+        Err(InputError::Length { .. })
     ));
     let mut a = Matrix::identity(2);
     a.add(0, 1, 1.0);
     assert_eq!(a.stray(), Some((0, 1)));
     a.values_mut()[1] = f64::NAN;
     let e = a.check_finite().unwrap_err();
-    assert!(matches!(e, SparseError::NotFinite { row: 1, col: 1, .. }), "{e}");
+    assert!(matches!(e, InputError::Entry { row: 1, col: 1, .. }), "{e}");
 }

@@ -1,5 +1,6 @@
 //! The ways to provide a function agree.
 
+use semismooth::InputError;
 use semismooth::complementarity::{
     Autodiff, ComplementarityError, ConstraintKind, Differenced, Mcp, McpFunction, McpSolver, Program,
     SmoothFunction, WithJacobian, check_jacobian, kkt,
@@ -173,11 +174,11 @@ fn first_order_conditions_of_a_program() {
     assert!((f - 17.014_017_3).abs() < 1e-6, "{x:?}");
     assert!(matches!(
         kkt(Hs71, &kinds[..1], vec![1.0; 4], vec![INF; 4]),
-        Err(ComplementarityError::Length {
+        Err(ComplementarityError::Input(InputError::Length {
             expected: 2,
             found: 1,
             ..
-        })
+        }))
     ));
 }
 

@@ -1,6 +1,7 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
+use semismooth::InputError;
 use semismooth::complementarity::{
     AffineFunction, BoundState, ComplementarityError, Mcp, McpIteration, McpOptions, McpSolver, McpStep,
     McpStrategy, WithJacobian,
@@ -287,11 +288,11 @@ fn misuse_is_named() {
     ));
     assert!(matches!(
         Mcp::new(one(), vec![0.0], vec![1.0, 1.0]),
-        Err(ComplementarityError::Length {
+        Err(ComplementarityError::Input(InputError::Length {
             expected: 2,
             found: 1,
             ..
-        })
+        }))
     ));
     assert!(matches!(
         AffineFunction::new(Matrix::identity(0), Vec::new()),
@@ -299,22 +300,28 @@ fn misuse_is_named() {
     ));
     assert!(matches!(
         AffineFunction::new(matrix(&[vec![f64::NAN]]), vec![1.0]),
-        Err(ComplementarityError::Sparse(_))
+        Err(ComplementarityError::Input(_))
     ));
     assert!(matches!(
         AffineFunction::new(Matrix::identity(1), vec![INF]),
-        Err(ComplementarityError::NotFinite { index: 0, .. })
+        Err(ComplementarityError::Input(InputError::NotFinite {
+            index: 0,
+            ..
+        }))
     ));
 
     let mut solver = McpSolver::default();
     let problem = Mcp::ncp(one()).unwrap();
     assert!(matches!(
         solver.solve(&problem, &mut [1.0]),
-        Err(ComplementarityError::Length { .. })
+        Err(ComplementarityError::Input(InputError::Length { .. }))
     ));
     assert!(matches!(
         solver.solve(&problem, &mut [1.0, f64::NAN]),
-        Err(ComplementarityError::NotFinite { index: 1, .. })
+        Err(ComplementarityError::Input(InputError::NotFinite {
+            index: 1,
+            ..
+        }))
     ));
     for bad in [
         McpOptions::default().with_tolerance(0.0),
@@ -325,7 +332,10 @@ fn misuse_is_named() {
         let solved = McpSolver::new(bad)
             .solve(&problem, &mut [1.0, 1.0])
             .map(|r| r.status);
-        assert!(matches!(solved, Err(ComplementarityError::Option { .. })));
+        assert!(matches!(
+            solved,
+            Err(ComplementarityError::Input(InputError::Option { .. }))
+        ));
     }
     let stray = WithJacobian::new(
         2,

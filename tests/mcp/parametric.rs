@@ -26,7 +26,7 @@ fn a_curve_passes_a_smooth_and_a_nonsmooth_fold() {
     let branch = Branch::follow(&fold(), &[3.0, -3.0], Direction::Increasing, options).unwrap();
     // Up the parabola to (1, 1), back to (0, 0), where x reaches its bound, and up again along x = 0.
     assert_eq!(branch.smooth_folds.len(), 1);
-    assert!((branch.smooth_folds[0].point.parameter() - 1.0).abs() < 1e-9);
+    assert!((branch.smooth_folds[0].parameter() - 1.0).abs() < 1e-9);
     assert_eq!(branch.transitions.len(), 1);
     assert_eq!(branch.transitions[0].kind, TransitionKind::Fold);
     assert!(branch.transitions[0].parameter().abs() < 1e-12);

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 
+use semismooth::InputError;
 use semismooth::complementarity::{
     BoundState, ComplementarityError, Mcp, McpFunction, McpOptions, McpSolver, McpStep, McpStrategy,
     WithJacobian,
@@ -115,7 +116,7 @@ fn no_strategy_is_no_choice() {
     let problem = Mcp::equations(scalar(|x| x, |_| 1.0)).unwrap();
     let refused = only(&[]).solve(&problem, &mut [1.0]).map(|r| r.status);
     match refused {
-        Err(ComplementarityError::Option { name, .. }) => assert_eq!(name, "strategies"),
+        Err(ComplementarityError::Input(InputError::Option { name, .. })) => assert_eq!(name, "strategies"),
         other => panic!("{other:?}"),
     }
 }

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 
+use semismooth::InputError;
 use semismooth::linear::DenseLu;
 use semismooth::newton::{Convergence, Damping, MoorePenrose, Newton, NewtonError, NewtonOptions};
 use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection, Semismooth};
@@ -194,7 +195,9 @@ fn misuse_is_named() {
     for (rows, columns) in [(1, 3), (2, 2), (3, 3), (3, 2)] {
         let found = MoorePenrose::new(&Shape(3, 2, rows, columns), DenseLu::new());
         match found.map(|_| ()) {
-            Err(PiecewiseError::Length { what, .. }) => assert!(what.contains("declared pattern")),
+            Err(PiecewiseError::Input(InputError::Length { what, .. })) => {
+                assert!(what.contains("declared pattern"))
+            }
             other => panic!("{rows} x {columns}: {other:?}"),
         }
     }

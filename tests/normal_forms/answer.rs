@@ -192,7 +192,7 @@ pub fn run(
         .iter()
         .filter(|t| t.is_fold())
         .map(|t| t.x.clone());
-    let smooth = branch.smooth_folds.iter().map(|f| f.point.x.clone());
+    let smooth = branch.smooth_folds.iter().map(|f| f.x.clone());
     let bound = branch.termination == Termination::ParameterRange;
     let end = branch.points.last().filter(|_| bound).map(|p| p.x.clone());
     Ok((kinks.chain(smooth).collect(), end))

@@ -27,6 +27,7 @@ mod rubber;
 mod traced;
 
 use proptest::prelude::*;
+use semismooth::InputError;
 use semismooth::piecewise::check::{CheckError, CheckOptions, Finding, FindingKind, check};
 use semismooth::piecewise::{
     ActiveSet, Activity, CoherentOrientation, Facet, MinMap, PiecewiseError, PiecewiseSmooth, Selection,
@@ -154,7 +155,7 @@ fn misuse_of_the_checker_is_named() {
         check(&map, &[vec![0.0; 3]], &options),
         Err(CheckError::Sample {
             point: 0,
-            source: PiecewiseError::Length {
+            source: InputError::Length {
                 expected: 5,
                 found: 3,
                 ..
@@ -164,10 +165,10 @@ fn misuse_of_the_checker_is_named() {
     let bad = options.with_tolerance(f64::NAN);
     assert!(matches!(
         check(&map, &samples(), &bad),
-        Err(CheckError::Option {
+        Err(CheckError::Input(InputError::Option {
             name: "tolerance",
             ..
-        })
+        }))
     ));
 }
 
@@ -565,7 +566,10 @@ fn maps_behind_pointers() {
 fn a_wrong_pattern_is_an_error() {
     let map = Rubber(Fault::PatternShape);
     let found = b_derivative(&map, &[0.1; 5], &[1.0; 5], 0.0, &mut [0.0; 4]);
-    assert!(matches!(found, Err(PiecewiseError::Length { .. })));
+    assert!(matches!(
+        found,
+        Err(PiecewiseError::Input(InputError::Length { .. }))
+    ));
     let found = b_derivative(
         &Rubber(Fault::Pattern),
         &[0.1, 9.0, 0.1, 9.0, 0.1],

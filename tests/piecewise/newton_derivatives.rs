@@ -23,9 +23,7 @@ impl Semismooth for Scalar {
 }
 
 fn orders(map: &dyn Semismooth, samples: &[Vec<f64>]) -> Vec<Option<f64>> {
-    check_semismooth(map, samples, &CheckOptions::default())
-        .unwrap()
-        .orders
+    check_semismooth(map, samples, &CheckOptions::default()).unwrap()
 }
 
 fn findings(map: &dyn Semismooth, samples: &[Vec<f64>]) -> Vec<Finding> {

@@ -1,8 +1,8 @@
 //! Second-order cones: derivatives of solutions away from kinks and at them, against differences.
 
+use semismooth::InputError;
 use semismooth::complementarity::AffineFunction;
 use semismooth::cones::{Cone, ConePieces, ConeProblem, ConeSolver};
-use semismooth::piecewise::PiecewiseError;
 use semismooth::sensitivity::{Sensitivity, SensitivityError};
 use semismooth::sparse::Matrix;
 
@@ -157,7 +157,7 @@ fn tips_are_refused() {
     let problem = Affine::with(random, &x, &[0.0; N]);
     let refused = Sensitivity::new(problem.map(), &x, &[0.0; N]).unwrap_err();
     assert!(
-        matches!(refused, SensitivityError::Map(PiecewiseError::NotFinite { .. })),
+        matches!(refused, SensitivityError::Input(InputError::NotFinite { .. })),
         "{refused}"
     );
 }

@@ -1,6 +1,7 @@
 //! Away from kinks: differences, the adjoint, and what is refused.
 
-use semismooth::piecewise::{Expression, MinMap, PiecewiseError};
+use semismooth::InputError;
+use semismooth::piecewise::{Expression, MinMap};
 use semismooth::sensitivity::{DerivativeDoubt, Differentiability, Loaded, Sensitivity, SensitivityError};
 use semismooth::sparse::Matrix;
 use semismooth::{parametric, parametric_mcp};
@@ -119,7 +120,7 @@ fn errors_name_what_is_wrong() {
     let steep = parametric(1, 1, |x, p| vec![x[0] - p[0].sqrt()]);
     assert!(matches!(
         Sensitivity::new(steep, &[0.0], &[0.0]),
-        Err(SensitivityError::Map(PiecewiseError::NotFinite { .. }))
+        Err(SensitivityError::Input(InputError::NotFinite { .. }))
     ));
     let mut found = Sensitivity::new(root(), &[2.0], &[4.0]).unwrap();
     assert!(found.jvp(&[1.0, 1.0]).is_err() && found.vjp(&[f64::NAN]).is_err());

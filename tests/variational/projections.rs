@@ -1,7 +1,8 @@
 //! Projections on polyhedra: nearest points, distances, proofs that a set is empty, constraints that nearly depend on each other.
 
+use semismooth::complementarity::ComplementarityError;
 use semismooth::sparse::Matrix;
-use semismooth::variational::{Polyhedron, Projection, VariationalError};
+use semismooth::variational::{Polyhedron, Projection};
 
 use crate::random::Random;
 use crate::{Data, INF, dot, matrix};
@@ -109,7 +110,7 @@ fn lines_that_meet_far_away_are_not_called_parallel() {
             Ok(Projection::Nearest(nearest)) => {
                 assert!(nearest.x[0] * slope >= 1e-6 * (1.0 - 1e-6) && nearest.x[1].abs() < 1e-12);
             }
-            Err(VariationalError::Unresolved { .. }) => assert!(k > 40, "{k}"),
+            Err(ComplementarityError::Unresolved { .. }) => assert!(k > 40, "{k}"),
             other => panic!("{k}: {other:?}"),
         }
     }
@@ -144,7 +145,7 @@ fn lines_that_meet_far_away_are_not_called_parallel_among_many_rows() {
             Ok(Projection::Nearest(nearest)) => {
                 assert!(nearest.x[0] * slope >= 1e-6 * (1.0 - 1e-6) && nearest.x[1].abs() < 1e-12);
             }
-            Err(VariationalError::Unresolved { .. }) => assert!(k > 40, "{k}"),
+            Err(ComplementarityError::Unresolved { .. }) => assert!(k > 40, "{k}"),
             other => panic!("{k}: {other:?}"),
         }
     }
@@ -220,7 +221,7 @@ fn points_that_violate_a_nearly_dependent_row_are_not_the_nearest() {
                     let violation = set.violation(&nearest.x).unwrap();
                     assert!(k > 24 && violation < 1e-6, "{k}: {violation:e}, {nearest:?}");
                 }
-                Err(VariationalError::Unresolved { .. }) => assert!(k > 24, "{k}"),
+                Err(ComplementarityError::Unresolved { .. }) => assert!(k > 24, "{k}"),
                 other => panic!("{k}: {other:?}"),
             }
         }

@@ -1,10 +1,10 @@
 use std::error::Error as _;
 
+use semismooth::InputError;
 use semismooth::contact::ContactError;
 use semismooth::continuation::ContinuationError;
 use semismooth::enumeration::EnumerationError;
 use semismooth::piecewise::{FormulaError, PiecewiseError};
-use semismooth::sparse::SparseError;
 use serde::Serialize;
 
 /// Why there is no answer.
@@ -51,7 +51,7 @@ pub enum Error {
     Map(#[from] PiecewiseError),
     /// A matrix that was refused.
     #[error(transparent)]
-    Matrix(#[from] SparseError),
+    Matrix(#[from] InputError),
 }
 
 /// An error as the page shows it.

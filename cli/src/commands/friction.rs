@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use semismooth::InputError;
 use semismooth::contact::{
-    DelassusError, DelassusOptions, DelassusProblem, DelassusReport, DelassusSolver, read_delassus,
+    ContactError, DelassusOptions, DelassusProblem, DelassusReport, DelassusSolver, read_delassus,
 };
 
 use super::error::CommandError;
@@ -94,7 +95,9 @@ fn solve(
     let failed = |e| CommandError::failed(file.display().to_string(), e);
     // Errors of reading name the file themselves: only their text is kept.
     let problem = read_delassus(file).map_err(|e| match e {
-        DelassusError::File { what, .. } => CommandError::failed(file.display().to_string(), what),
+        ContactError::Input(InputError::File { what, .. }) => {
+            CommandError::failed(file.display().to_string(), what)
+        }
         e => failed(e),
     })?;
     let limit = Duration::try_from_secs_f64(seconds)

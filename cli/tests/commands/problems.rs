@@ -163,7 +163,7 @@ fn a_discrete_problem_has_the_transitions_of_the_library() {
     run_file_of(&folder, "follow", &changes);
     let text = printed(&folder, &["follow", "run.toml", "--json"]);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(BLOCK);
-    let problem = read_folder(path).unwrap().problem.condensed().unwrap();
+    let problem = read_folder(path).unwrap().condensed().unwrap();
     let start = problem.solve(0.0, None).unwrap();
     let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
     let branch = Branch::follow(&problem, &start, Direction::Increasing, options).unwrap();
@@ -280,7 +280,7 @@ fn diagrams_of_discrete_problems_are_those_of_the_library() {
     run_file_of(&folder, "diagram", &changes);
     let text = printed(&folder, &["diagram", "run.toml", "--json"]);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(BLOCK);
-    let problem = read_folder(path).unwrap().problem.condensed().unwrap();
+    let problem = read_folder(path).unwrap().condensed().unwrap();
     let options = DiagramOptions::default().with_parameter_range((0.2, 0.4));
     let diagram =
         Diagram::explore_sections(&problem, &[0.3], &options, &EnumerationOptions::default()).unwrap();

@@ -6,6 +6,7 @@ use crate::complementarity::blocks::Blocks;
 use crate::complementarity::columns::BoxLcp;
 use crate::complementarity::problem::natural;
 use crate::complementarity::{BoundState, ComplementarityError};
+use crate::input::{check_length, check_vector};
 use crate::judge::{Columns, Judge};
 use crate::linear::{LinearError, Scaling};
 use crate::run::Status;
@@ -127,15 +128,9 @@ impl Engine {
         observe: &mut dyn FnMut(&ActiveSetIteration) -> ControlFlow<()>,
     ) -> Result<ActiveSetReport, ComplementarityError> {
         self.options.validate()?;
-        crate::complementarity::error::check_finite("the start", z, lcp.len())?;
-        if let Some(sets) = sets
-            && sets.len() != lcp.len()
-        {
-            return Err(ComplementarityError::Length {
-                what: "the array of sets",
-                expected: lcp.len(),
-                found: sets.len(),
-            });
+        check_vector("the start", z, lcp.len())?;
+        if let Some(sets) = sets {
+            check_length("the array of sets", sets.len(), lcp.len())?;
         }
         systems.load()?;
         self.prepare(lcp, systems.is_direct());

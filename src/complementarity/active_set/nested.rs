@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use super::engine::Engine;
 use super::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, MultigridReduced, Start};
+use crate::InputError;
 use crate::complementarity::columns::BoxLcp;
-use crate::complementarity::error::check_finite;
 use crate::complementarity::problem::check_bounds;
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};
+use crate::input::{check_length, check_vector};
 use crate::judge::Columns;
 use crate::linear::{LinearError, Prolongation, Rows, affine_prolongation, coarse_problem};
 use crate::run::Status;
@@ -118,13 +119,7 @@ impl Nested {
         prolongation: Prolongation,
     ) -> Result<Self, ComplementarityError> {
         self.check(&prolongation)?;
-        if prolongation.num_coarse() != coarse.len() {
-            return Err(ComplementarityError::Length {
-                what: "the coarse problem",
-                expected: prolongation.num_coarse(),
-                found: coarse.len(),
-            });
-        }
+        check_length("the coarse problem", coarse.len(), prolongation.num_coarse())?;
         self.galerkin = false;
         let matrix = Rows::transposed(coarse.matrix().as_ref());
         Ok(self.push(Level::of(&coarse), matrix, prolongation))
@@ -142,11 +137,11 @@ impl Nested {
         if prolongation.num_fine() == expected {
             return Ok(());
         }
-        Err(LinearError::Shape {
+        Err(LinearError::Input(InputError::Length {
             what: "the prolongation (rows)",
             expected,
             found: prolongation.num_fine(),
-        }
+        })
         .into())
     }
 
@@ -179,13 +174,7 @@ impl Nested {
         options: &ActiveSetOptions,
         z: &mut [f64],
     ) -> Result<NestedReport, ComplementarityError> {
-        if z.len() != self.levels[0].q.len() {
-            return Err(ComplementarityError::Length {
-                what: "the point",
-                expected: self.levels[0].q.len(),
-                found: z.len(),
-            });
-        }
+        check_length("the point", z.len(), self.levels[0].q.len())?;
         let mut levels = Vec::new();
         let mut states = Vec::new();
         let mut coarse: Vec<f64> = Vec::new();
@@ -253,9 +242,9 @@ impl Level {
         };
         let (lower, upper) = (at(fine.lower), at(fine.upper));
         check_bounds(&lower, &upper, q.len())?;
-        check_finite("q", &q, q.len())?;
+        check_vector("q", &q, q.len())?;
         let values = matrix.view().value;
-        check_finite("the values of the matrix", values, values.len())?;
+        check_vector("the values of the matrix", values, values.len())?;
         Ok(Self { q, lower, upper })
     }
 }

@@ -1,6 +1,7 @@
 use std::fmt;
 
-use crate::complementarity::ComplementarityError;
+use crate::InputError;
+use crate::input::{any, check_options, fraction};
 use crate::options::setters;
 use crate::run::Status;
 
@@ -46,23 +47,12 @@ impl ActiveSetOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`ComplementarityError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), ComplementarityError> {
-        if self.max_iterations == 0 {
-            return Err(ComplementarityError::Option {
-                name: "max_iterations",
-                value: 0.0,
-                range: "at least 1",
-            });
-        }
-        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
-            return Err(ComplementarityError::Option {
-                name: "tolerance",
-                value: self.tolerance,
-                range: "in (0, 1)",
-            });
-        }
-        Ok(())
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        check_options(&[
+            any("max_iterations", self.max_iterations as u64),
+            fraction("tolerance", self.tolerance),
+        ])
     }
 }
 

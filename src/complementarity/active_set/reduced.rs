@@ -1,5 +1,6 @@
 use super::nested::algebraic_start;
 use super::{ActiveSetOptions, DirectReduced, MultigridReduced};
+use crate::InputError;
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};
 use crate::linear::{LinearError, WORTH, aggregation_hierarchy};
 use crate::sparse::Matrix;
@@ -67,11 +68,11 @@ pub(super) fn check_square(matrix: &Matrix) -> Result<(), ComplementarityError> 
 pub(super) fn check_order(order: usize, found: &[(&'static str, usize)]) -> Result<(), ComplementarityError> {
     match found.iter().find(|f| f.1 != order) {
         None => Ok(()),
-        Some(&(what, found)) => Err(ComplementarityError::Length {
+        Some(&(what, found)) => Err(ComplementarityError::Input(InputError::Length {
             what,
             expected: order,
             found,
-        }),
+        })),
     }
 }
 

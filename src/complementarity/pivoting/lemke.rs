@@ -9,8 +9,10 @@ use ratio::Block;
 
 use super::basis::Basis;
 use super::{LemkeOptions, LemkePivot, LemkeReport};
+use crate::InputError;
 use crate::complementarity::columns::BoxLcp;
 use crate::complementarity::{ComplementarityError, Lcp};
+use crate::input::check_options;
 use crate::judge::Judge;
 use crate::linear::LinearError;
 use crate::piecewise::is_ordinary;
@@ -156,7 +158,7 @@ impl Lemke {
     /// not matter.
     ///
     /// # Errors
-    /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for
+    /// [`InputError::Length`] for `z` or the covering vector, [`InputError::Option`] for
     /// a covering vector that is not positive or a label that is none, [`ComplementarityError::Unsuitable`]
     /// for more than 20 000 unknowns (where the block of those without bounds is singular, these count
     /// twice), or for a label where z at its bounds is no solution or the unknown has not just one bound.
@@ -254,10 +256,12 @@ impl Lemke {
 
     fn check(&self, lcp: &Lcp, z: &[f64]) -> Result<(), ComplementarityError> {
         let n = lcp.len();
-        let length = |what, found| ComplementarityError::Length {
-            what,
-            expected: n,
-            found,
+        let length = |what, found| {
+            ComplementarityError::Input(InputError::Length {
+                what,
+                expected: n,
+                found,
+            })
         };
         if z.len() != n {
             return Err(length("the point", z.len()));
@@ -268,27 +272,24 @@ impl Lemke {
                 reason: format!("its dense inverse for {n} unknowns would not fit; use an active-set method"),
             });
         }
-        if let Some(label) = self.options.label.filter(|k| *k >= n) {
-            return Err(ComplementarityError::Option {
-                name: "label",
-                value: label as f64,
-                range: "the number of an unknown, from 0",
-            });
-        }
+        let label = self.options.label.unwrap_or(0);
+        check_options(&[(
+            "label",
+            label as f64,
+            label < n,
+            "the number of an unknown, from 0",
+        )])?;
         let Some(d) = &self.options.covering else {
             return Ok(());
         };
         if d.len() != n {
             return Err(length("the covering vector", d.len()));
         }
-        match d.iter().find(|d| !(d.is_finite() && **d > 0.0)) {
-            Some(&value) => Err(ComplementarityError::Option {
-                name: "covering",
-                value,
-                range: "finite and positive in every entry",
-            }),
-            None => Ok(()),
-        }
+        let range = "finite and positive in every entry";
+        let checks = d
+            .iter()
+            .map(|&d| ("covering", d, d > 0.0 && d.is_finite(), range));
+        Ok(check_options(&checks.collect::<Vec<_>>())?)
     }
 
     fn prepare(&mut self, n: usize) {

@@ -22,10 +22,10 @@ pub use options::McpOptions;
 pub use report::{BoundState, Fallback, McpIteration, McpReport, McpStep};
 pub use strategies::McpStrategy;
 
-use super::error::check_finite;
 use super::strong::strong;
 use super::{ComplementarityError, Mcp, McpFunction};
 use crate::clock::Clock;
+use crate::input::{check_length, check_vector};
 use crate::piecewise::{PiecewiseSmooth, RegularityOptions, regularity_report};
 use crate::sparse::Pattern;
 use engine::Engine;
@@ -150,13 +150,7 @@ impl McpSolver {
         x: &mut [f64],
         states: &[BoundState],
     ) -> Result<&McpReport, ComplementarityError> {
-        if states.len() != problem.len() {
-            return Err(ComplementarityError::Length {
-                what: "the active set",
-                expected: problem.len(),
-                found: states.len(),
-            });
-        }
+        check_length("the active set", states.len(), problem.len())?;
         for (i, s) in states.iter().enumerate() {
             let (what, bound, free) = match s {
                 BoundState::Lower => ("lower", problem.lower()[i], "another state"),
@@ -202,7 +196,7 @@ impl McpSolver {
                 expected: "fix the parameter first, by `Mcp::at`, or follow the solutions by `continuation`",
             });
         }
-        check_finite("the start x", x, n)?;
+        check_vector("the start x", x, n)?;
         let mut work = match self.work.take() {
             Some(work) if work.fits(problem.pattern) => work,
             _ => Work::new(problem.pattern)?,

@@ -1,7 +1,8 @@
 use std::time::Duration;
 
 use super::{McpStrategy, strategies};
-use crate::complementarity::ComplementarityError;
+use crate::InputError;
+use crate::input::{any, check_options, not_negative, positive};
 use crate::options::setters;
 use crate::piecewise::RegularityOptions;
 
@@ -127,27 +128,18 @@ impl McpOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`ComplementarityError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), ComplementarityError> {
-        let bad = |name, value, range| Err(ComplementarityError::Option { name, value, range });
-        if !(self.tolerance > 0.0 && self.tolerance.is_finite()) {
-            return bad("tolerance", self.tolerance, "positive and finite");
-        }
-        if !(self.acceptable >= 0.0 && self.acceptable.is_finite()) {
-            return bad("acceptable", self.acceptable, "finite and at least 0");
-        }
-        if self.strategies.is_empty() {
-            return bad("strategies", 0.0, "a list of at least one strategy");
-        }
-        if self.max_iterations == 0 {
-            return bad("max_iterations", 0.0, "at least 1");
-        }
-        if self.max_attempt == 0 {
-            return bad("max_attempt", 0.0, "at least 1");
-        }
-        if let Some(regularity) = &self.regularity {
-            regularity.validate()?;
-        }
-        Ok(())
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        let tries = !self.strategies.is_empty();
+        check_options(&[
+            positive("tolerance", self.tolerance),
+            not_negative("acceptable", self.acceptable),
+            ("strategies", 0.0, tries, "a list of at least one strategy"),
+            any("max_iterations", self.max_iterations as u64),
+            any("max_attempt", self.max_attempt as u64),
+        ])?;
+        self.regularity
+            .as_ref()
+            .map_or(Ok(()), RegularityOptions::validate)
     }
 }

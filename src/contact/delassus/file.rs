@@ -5,23 +5,27 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::{DelassusError, DelassusProblem};
+use super::DelassusProblem;
 use crate::Cause;
-use crate::sparse::{Matrix, SparseError};
+use crate::InputError;
+use crate::contact::ContactError;
+use crate::sparse::Matrix;
 
 /// Reads a problem from a JSON file: an object with `dimension` (2 or 3), `mu` (one coefficient a contact), `q`, and `M` as
 /// `{"format": "csc", "indptr": […], "indices": […], "data": […]}` (compressed columns, indices from 0) or as a list of rows.
 /// `nc` and `n`, where given, are checked; other members are ignored.
 ///
 /// # Errors
-/// [`DelassusError::File`] where the file cannot be read or a member is missing or malformed, and everything
+/// [`InputError::File`] where the file cannot be read or a member is missing or malformed, and everything
 /// [`DelassusProblem::new`] checks.
-pub fn read_delassus(path: impl AsRef<Path>) -> Result<DelassusProblem, DelassusError> {
+pub fn read_delassus(path: impl AsRef<Path>) -> Result<DelassusProblem, ContactError> {
     let path = path.as_ref();
-    let failed = |Flaw { what, source }| DelassusError::File {
-        path: path.to_path_buf(),
-        what,
-        source,
+    let failed = |Flaw { what, source }| {
+        ContactError::Input(InputError::File {
+            path: path.to_path_buf(),
+            what,
+            source,
+        })
     };
     let text = std::fs::read_to_string(path).map_err(|e| failed(Flaw::of(e)))?;
     let json: Value = serde_json::from_str(&text).map_err(|e| failed(Flaw::of(e)))?;
@@ -42,7 +46,7 @@ impl Flaw {
         }
     }
 
-    fn of_matrix(error: SparseError) -> Self {
+    fn of_matrix(error: InputError) -> Self {
         Self {
             what: format!("`M`: {error}"),
             ..Self::of(error)
@@ -60,7 +64,7 @@ impl<T: Into<String>> From<T> for Flaw {
 }
 
 /// The outer error is one of format, the inner one of content.
-fn parse(json: &Value) -> Result<Result<DelassusProblem, DelassusError>, Flaw> {
+fn parse(json: &Value) -> Result<Result<DelassusProblem, ContactError>, Flaw> {
     let dimension = whole(json, "dimension")?.ok_or("`dimension` is missing")?;
     let friction = floats(json, "mu")?;
     let q = floats(json, "q")?;

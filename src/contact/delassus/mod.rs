@@ -1,7 +1,6 @@
 //! Frictional contact in Delassus form, u = M r + q, in the plane and in space.
 
 mod cone;
-mod error;
 #[cfg(feature = "json")]
 mod file;
 mod interior;
@@ -17,7 +16,6 @@ mod settled;
 mod solver;
 mod tolerances;
 
-pub use error::DelassusError;
 #[cfg(feature = "json")]
 pub use file::read_delassus;
 pub use options::DelassusOptions;

@@ -1,6 +1,7 @@
+use crate::InputError;
+use crate::input::{check_options, fraction};
 use std::time::Duration;
 
-use super::DelassusError;
 use crate::options::setters;
 
 /// Options of [`DelassusSolver`](super::DelassusSolver). The defaults suit most problems.
@@ -49,16 +50,8 @@ impl DelassusOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`DelassusError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), DelassusError> {
-        if self.tolerance > 0.0 && self.tolerance < 1.0 {
-            Ok(())
-        } else {
-            Err(DelassusError::Option {
-                name: "tolerance",
-                value: self.tolerance,
-                range: "in (0, 1)",
-            })
-        }
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        check_options(&[fraction("tolerance", self.tolerance)])
     }
 }

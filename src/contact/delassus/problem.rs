@@ -1,5 +1,7 @@
-use super::DelassusError;
 use super::scaled::ScaledProblem;
+use crate::InputError;
+use crate::contact::ContactError;
+use crate::input::{check_finite, check_vector};
 use crate::sparse::Matrix;
 
 /// A frictional contact problem reduced to its contacts: find the reactions r with
@@ -22,7 +24,7 @@ use crate::sparse::Matrix;
 /// assert!(report.is_solved());
 /// assert_eq!(report.states, [ContactState::Stick]);
 /// assert!((report.r[0] - 1.0).abs() < 1e-12 && (report.r[1] - 0.2).abs() < 1e-12);
-/// # Ok::<(), semismooth::contact::DelassusError>(())
+/// # Ok::<(), semismooth::contact::ContactError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(
@@ -50,9 +52,9 @@ struct Unchecked {
 
 #[cfg(feature = "serde")]
 impl TryFrom<Unchecked> for DelassusProblem {
-    type Error = DelassusError;
+    type Error = ContactError;
 
-    fn try_from(read: Unchecked) -> Result<Self, DelassusError> {
+    fn try_from(read: Unchecked) -> Result<Self, ContactError> {
         Self::new(read.dimension, read.matrix, read.q, read.friction)
     }
 }
@@ -68,38 +70,33 @@ impl DelassusProblem {
         matrix: Matrix,
         q: Vec<f64>,
         friction: Vec<f64>,
-    ) -> Result<Self, DelassusError> {
+    ) -> Result<Self, ContactError> {
         if dimension != 2 && dimension != 3 {
-            return Err(DelassusError::Dimension { found: dimension });
+            return Err(ContactError::Dimension { found: dimension });
         }
         let contacts = friction.len();
         if contacts == 0 {
-            return Err(DelassusError::Empty);
+            return Err(ContactError::Empty {
+                what: "there are no contacts",
+            });
         }
         let n = dimension * contacts;
         if matrix.nrows() != n || matrix.ncols() != n {
-            return Err(DelassusError::Shape {
-                nrows: matrix.nrows(),
-                ncols: matrix.ncols(),
-                contacts,
-                dimension,
-                expected: n,
-            });
+            return Err(ContactError::Input(InputError::Shape {
+                what: "M",
+                rows: n,
+                cols: n,
+                found_rows: matrix.nrows(),
+                found_cols: matrix.ncols(),
+            }));
         }
-        if q.len() != n {
-            return Err(DelassusError::Length {
-                what: "q",
-                expected: n,
-                found: q.len(),
-            });
-        }
-        check_finite("q", &q)?;
+        check_vector("q", &q, n)?;
         check_finite("mu", &friction)?;
         matrix
             .check_finite()
-            .map_err(|source| DelassusError::Matrix { source })?;
+            .map_err(|source| ContactError::Matrix { what: "M", source })?;
         if let Some(contact) = friction.iter().position(|&mu| mu < 0.0) {
-            return Err(DelassusError::NegativeFriction {
+            return Err(ContactError::NegativeCoefficient {
                 contact,
                 value: friction[contact],
             });
@@ -108,7 +105,7 @@ impl DelassusProblem {
         let diagonal = |i: usize| matrix.get(i, i);
         let largest = (0..n).map(diagonal).fold(0.0, f64::max);
         if let Some(index) = (0..n).find(|&i| diagonal(i) < -1e-10 * largest) {
-            return Err(DelassusError::NegativeDiagonal {
+            return Err(ContactError::NegativeDiagonal {
                 index,
                 value: diagonal(index),
             });
@@ -157,16 +154,9 @@ impl DelassusProblem {
     /// Linear in the entries of M: O(n²) where that is dense.
     ///
     /// # Errors
-    /// [`DelassusError::Length`] unless r has one entry an unknown, [`DelassusError::NotFinite`].
-    pub fn velocities(&self, r: &[f64]) -> Result<Vec<f64>, DelassusError> {
-        if r.len() != self.q.len() {
-            return Err(DelassusError::Length {
-                what: "r",
-                expected: self.q.len(),
-                found: r.len(),
-            });
-        }
-        check_finite("r", r)?;
+    /// [`InputError::Length`] unless r has one entry an unknown, [`InputError::NotFinite`].
+    pub fn velocities(&self, r: &[f64]) -> Result<Vec<f64>, ContactError> {
+        check_vector("r", r, self.q.len())?;
         let mut u = self.q.clone();
         self.matrix.as_ref().mul_add(1.0, r, &mut u);
         Ok(u)
@@ -185,7 +175,7 @@ impl DelassusProblem {
     ///
     /// # Errors
     /// As [`velocities`](Self::velocities).
-    pub fn residual(&self, r: &[f64]) -> Result<f64, DelassusError> {
+    pub fn residual(&self, r: &[f64]) -> Result<f64, ContactError> {
         self.velocities(r)?;
         Ok(match self.dimension {
             2 => self.block_residual::<2>(r),
@@ -202,16 +192,5 @@ impl DelassusProblem {
         let scaled = ScaledProblem::<D>::new(self);
         let (mut u, mut contacts) = (vec![[0.0; D]; self.contacts()], vec![[0.0; 2]; self.contacts()]);
         scaled.law(&scaled.scale(r), &mut u, &mut contacts).residual
-    }
-}
-
-fn check_finite(what: &'static str, v: &[f64]) -> Result<(), DelassusError> {
-    match v.iter().position(|x| !x.is_finite()) {
-        Some(index) => Err(DelassusError::NotFinite {
-            what,
-            index,
-            value: v[index],
-        }),
-        None => Ok(()),
     }
 }

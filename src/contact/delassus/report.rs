@@ -1,7 +1,7 @@
 use std::fmt;
 
-use super::{DelassusError, DelassusProblem};
-use crate::contact::{ContactSolution, ContactState, LocalValues};
+use super::DelassusProblem;
+use crate::contact::{ContactError, ContactSolution, ContactState, LocalValues};
 use crate::run::Status;
 use crate::sparse::dot;
 use crate::words::{Count, Size};
@@ -87,7 +87,7 @@ impl DelassusReport {
     ///
     /// # Errors
     /// A problem of another size than the one solved.
-    pub fn solution(&self, problem: &DelassusProblem) -> Result<ContactSolution, DelassusError> {
+    pub fn solution(&self, problem: &DelassusProblem) -> Result<ContactSolution, ContactError> {
         let (d, mean) = (problem.dimension(), problem.mean_diagonal());
         let image = problem.velocities(&self.r)?;
         let rate = if mean > 0.0 { mean.recip() } else { 1.0 };

@@ -1,5 +1,6 @@
 //! The phases of a run: sweeps, interior points, Newton's method, the central path.
 
+use crate::contact::ContactError;
 use std::ops::ControlFlow;
 
 use super::cone::tangential_norm;
@@ -15,7 +16,7 @@ use super::tolerances::{
     LARGEST_ALPHA, LEAST_ALPHA, LEAST_NU, LEAST_PRECISION, MAX_IDLE, MORE_SWEEPS, NEAR, PATH_PATIENCE,
     PATIENCE, PRECISION, QUICK, QUICK_PATIENCE, REPORTED, SHORT, SHRINK, SMALL, SWEEPS, ZERO,
 };
-use super::{DelassusError, DelassusOptions, DelassusProblem};
+use super::{DelassusOptions, DelassusProblem};
 use crate::clock::Deadline;
 use crate::contact::ContactState;
 use crate::run::Status;
@@ -442,7 +443,7 @@ impl<'a, const D: usize> Run<'a, D> {
         }
     }
 
-    pub(super) fn report(mut self) -> Result<DelassusReport, DelassusError> {
+    pub(super) fn report(mut self) -> Result<DelassusReport, ContactError> {
         let status = self.run();
         if !self.best_is_last {
             self.scaled.scale_into(&self.best, &mut self.at);

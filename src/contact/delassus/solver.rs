@@ -2,7 +2,8 @@ use std::ops::ControlFlow;
 
 use super::report::{DelassusIteration, DelassusReport};
 use super::run::Run;
-use super::{DelassusError, DelassusOptions, DelassusProblem};
+use super::{DelassusOptions, DelassusProblem};
+use crate::contact::ContactError;
 
 /// Solver of [`DelassusProblem`]s.
 ///
@@ -32,7 +33,7 @@ use super::{DelassusError, DelassusOptions, DelassusProblem};
 /// assert!((report.r[0] - 1.0).abs() < 1e-12 && (report.r[1] + 0.3).abs() < 1e-12);
 /// let velocity = problem.velocities(&report.r)?;
 /// assert!(velocity[0].abs() < 1e-12 && (velocity[1] - 0.2).abs() < 1e-12);
-/// # Ok::<(), semismooth::contact::DelassusError>(())
+/// # Ok::<(), semismooth::contact::ContactError>(())
 /// ```
 ///
 /// # Complexity
@@ -58,21 +59,21 @@ impl DelassusSolver {
     /// dense. A sweep of the local method is linear in the entries of M.
     ///
     /// # Errors
-    /// [`DelassusError::Option`] names an option out of range. A failed run is not an error: see the status of the report.
-    pub fn solve(&self, problem: &DelassusProblem) -> Result<DelassusReport, DelassusError> {
+    /// [`InputError::Option`](crate::InputError::Option) names an option out of range. A failed run is not an error: see the status of the report.
+    pub fn solve(&self, problem: &DelassusProblem) -> Result<DelassusReport, ContactError> {
         self.solve_observed(problem, None, |_| ControlFlow::Continue(()))
     }
 
     /// Solves from the reactions `start` (from 0 without them); `observe` is called with every entry of the history and may stop the run.
     ///
     /// # Errors
-    /// As [`solve`](Self::solve), and [`DelassusError::Length`] and [`DelassusError::NotFinite`] for the start.
+    /// As [`solve`](Self::solve), and [`InputError::Length`](crate::InputError::Length) and [`InputError::NotFinite`](crate::InputError::NotFinite) for the start.
     pub fn solve_observed(
         &self,
         problem: &DelassusProblem,
         start: Option<&[f64]>,
         mut observe: impl FnMut(&DelassusIteration) -> ControlFlow<()>,
-    ) -> Result<DelassusReport, DelassusError> {
+    ) -> Result<DelassusReport, ContactError> {
         self.options.validate()?;
         if let Some(start) = start {
             problem.velocities(start)?;

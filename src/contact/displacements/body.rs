@@ -1,8 +1,9 @@
-use super::super::error::check_length;
 use super::ReducedOptions;
 use super::floating::floating_piece;
+use crate::InputError;
 use crate::contact::{ContactBody, ContactError, LoadPath};
-use crate::sparse::{Matrix, NodalBlocks, NodalMatrix, Place, SparseError, Symmetric};
+use crate::input::check_vector;
+use crate::sparse::{Matrix, NodalBlocks, NodalMatrix, Place, Symmetric};
 use crate::tolerances::CHECKED;
 
 /// A large elastic body with contact nodes: the counterpart of [`ContactBody`](crate::contact::ContactBody) for
@@ -95,12 +96,12 @@ impl ReducedBody {
             NodalBlocks::Plane(a) => a.check_finite(),
             NodalBlocks::Space(a) => a.check_finite(),
         };
-        if let Err(SparseError::NotFinite { row, col, value }) = finite {
+        if let Err(InputError::Entry { row, col, value }) = finite {
             let unknown = |k: usize| stiffness.places().iter().position(|p| *p as usize == k);
             let (row, col) = (unknown(row).unwrap_or(row), unknown(col).unwrap_or(col));
             return Err(ContactError::Matrix {
                 what: "the stiffness matrix A",
-                source: SparseError::NotFinite { row, col, value },
+                source: InputError::Entry { row, col, value },
             });
         }
         match &mut stiffness.blocks {
@@ -122,7 +123,7 @@ impl ReducedBody {
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn with_gap(mut self, gap: Vec<f64>) -> Result<Self, ContactError> {
-        check_length("the gap", &gap, self.num_contacts())?;
+        check_vector("the gap", &gap, self.num_contacts())?;
         self.gap = gap;
         Ok(self)
     }
@@ -314,13 +315,13 @@ fn check_shape(trace: &Matrix, which: usize, rows: usize, cols: usize) -> Result
     ];
     let what = NAMES[which.min(2)];
     if trace.nrows() != rows || trace.ncols() != cols {
-        return Err(ContactError::Shape {
+        return Err(ContactError::Input(InputError::Shape {
             what,
             rows,
             cols,
             found_rows: trace.nrows(),
             found_cols: trace.ncols(),
-        });
+        }));
     }
     trace
         .check_finite()

@@ -3,16 +3,15 @@
 use std::fmt;
 
 use super::node::Node;
-use super::system::{KrylovOutcome, ReducedStep, ReducedSystem, SerialSystem};
+use super::system::{ReducedStep, ReducedSystem, SerialSystem};
 use super::{NodeLaw, ReducedContact, ReducedNodes};
-use crate::contact::error::{check_finite, check_length};
 use crate::contact::law::{LocalRow, LocalValues, MAX_TESTS};
 use crate::contact::parameters::ContactParameters;
 use crate::contact::rounding::size_of_forces;
 use crate::contact::solution::piece_of;
 use crate::contact::{ContactChange, ContactError};
-use crate::linear::LinearError;
-use crate::piecewise::check_vector;
+use crate::input::{check_finite, check_vector};
+use crate::linear::{KrylovReport, LinearError};
 use crate::sensitivity::SensitivityError;
 use crate::sparse::{Matrix, max_abs};
 use crate::tolerances::ROUNDING;
@@ -126,7 +125,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         );
         parameters.check_sizes([n, p, dim])?;
         check_finite("the parameter", &[alpha])?;
-        check_length("the displacements", displacements, n)?;
+        check_vector("the displacements", displacements, n)?;
         check_finite("the displacements", displacements)?;
         let law: &dyn NodeLaw = match parameters.shared_law() {
             Some(law) => law.as_ref(),
@@ -436,7 +435,7 @@ impl ReducedSensitivity<'_> {
         Ok((all, of_h))
     }
 
-    fn accept(&mut self, outcome: KrylovOutcome) -> Result<(), LinearError> {
+    fn accept(&mut self, outcome: KrylovReport) -> Result<(), LinearError> {
         self.iterations = outcome.iterations;
         match outcome.residual <= LARGEST {
             true => Ok(()),

@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use super::{ReducedContact, ReducedObserver, ReducedProgress, ReducedReport};
 use crate::contact::{ContactError, ContactSolution, ContactState, NodeLaw};
+use crate::input::check_finite;
 
 /// One level of [`ReducedContact::evolve`].
 #[derive(Debug, Clone, PartialEq)]
@@ -105,7 +106,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         if self.node_law().depends_on_slip() {
             return Err(ContactError::SlipOfLevels);
         }
-        crate::contact::error::check_finite("the list of load levels", levels)?;
+        check_finite("the list of load levels", levels)?;
         let mut reached: Vec<ReducedLevel> = Vec::new();
         for &level in levels {
             let mut stopped = false;
@@ -119,7 +120,7 @@ impl<L: NodeLaw> ReducedContact<L> {
                 [.., last] => self.next_level(level, &reached, last, &mut each),
             };
             let report = match found {
-                Err(ContactError::Interrupted { .. }) if stopped => break,
+                Err(ContactError::NotConverged { best }) if stopped && best.status.is_early() => break,
                 found => found?,
             };
             let solution = self.solution(level, &report.displacements)?;
@@ -156,7 +157,8 @@ impl<L: NodeLaw> ReducedContact<L> {
             let line: Vec<f64> = new.iter().zip(old).map(|(v, u)| v + share * (v - u)).collect();
             if line.iter().all(|u| u.is_finite()) {
                 match self.solve_telling(level, Some(&line), observe) {
-                    Err(ContactError::NotConverged { .. } | ContactError::StepFailed { .. }) => {}
+                    Err(ContactError::NotConverged { best }) if !best.status.is_early() => {}
+                    Err(ContactError::StepFailed { .. }) => {}
                     found => return found,
                 }
             }

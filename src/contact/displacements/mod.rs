@@ -15,15 +15,17 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::body_state::BodyState;
-use super::error::{check_finite, check_length};
 use super::per_node::RELATIVE_R;
 use super::rounding::{SMALLEST, is_rounding_of};
 use super::solution::judge;
 use super::{
-    CondensedContact, ContactError, ContactOptions, ContactProgress, ContactSolution, NodeLaw, check_law,
+    CondensedContact, ContactError, ContactOptions, ContactProgress, ContactSolution, ContactStrategy,
+    NodeLaw, check_law,
 };
 use crate::clock::{Clock, Until};
+use crate::input::{check_finite, check_vector};
 use crate::linear::LinearError;
+use crate::run::Status;
 
 use crate::contact::forms::CONDENSED;
 pub use body::ReducedBody;
@@ -31,10 +33,10 @@ pub use derivative::ReducedSensitivity;
 pub use evolution::ReducedLevel;
 pub(super) use floating::floating_piece;
 pub use options::ReducedOptions;
-pub use report::{ReducedIteration, ReducedProgress, ReducedReport, ReducedStrategy, ReducedTimes};
+pub use report::{ReducedIteration, ReducedProgress, ReducedReport, ReducedTimes};
 pub use solve::{ReducedError, ReducedNodes, ReducedObserver, solve_reduced, solve_reduced_observed};
 use system::SerialSystem;
-pub use system::{KrylovObserver, KrylovOutcome, ReducedStep, ReducedSystem};
+pub use system::{KrylovObserver, ReducedStep, ReducedSystem};
 
 /// How many more displacements a body in the plane may have than one in space for a factorisation of about the same cost.
 const THINNER: usize = 10;
@@ -113,7 +115,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// # Errors
     /// Options out of range, a law of another dimension, [`ContactError::Memory`] where more memory would be needed than the options allow;
     /// a stiffness matrix that is not positive definite ([`ContactError::Unsupported`] names a piece that the supports leave free to move);
-    /// [`LinearError::Interrupted`] where the time limit is reached before the hierarchy is complete.
+    /// [`LinearError::TimeLimit`] where the time limit is reached before the hierarchy is complete.
     pub fn new(body: ReducedBody, law: L, options: ReducedOptions) -> Result<Self, ContactError> {
         options.validate()?;
         let tangents = body.dim() - 1;
@@ -180,7 +182,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     ///
     /// # Errors
     /// Wrong lengths, values that are not finite, coefficients of friction that the law rejects; [`ContactError::NotConverged`],
-    /// [`ContactError::StepFailed`], [`ContactError::NotReducible`] and, at the time limit, [`ContactError::Interrupted`], with the best
+    /// also at the limit on time, [`ContactError::StepFailed`] and [`ContactError::NotReducible`], with the best
     /// iterate and its history.
     pub fn solve(&mut self, alpha: f64, start: Option<&[f64]>) -> Result<ReducedReport, ContactError> {
         self.solve_observed(alpha, start, |_| ControlFlow::Continue(()))
@@ -190,7 +192,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// may stop the search, except during a factorisation. It may be called from a worker thread.
     ///
     /// # Errors
-    /// As [`solve`](Self::solve); [`ContactError::Interrupted`] with the best iterate where `observe` has stopped.
+    /// As [`solve`](Self::solve); [`ContactError::NotConverged`] with the best iterate where `observe` has stopped.
     pub fn solve_observed(
         &mut self,
         alpha: f64,
@@ -210,7 +212,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         let n = self.body.num_displacements();
         let free = match start {
             Some(u) => {
-                check_length("the start", u, n)?;
+                check_vector("the start", u, n)?;
                 u.to_vec()
             }
             None => vec![0.0; n],
@@ -265,11 +267,11 @@ impl<L: NodeLaw> ReducedContact<L> {
     fn failed(&self, error: ReducedError<LinearError>) -> Result<Failed, ContactError> {
         let (best, source) = match error {
             ReducedError::System { source, best } => (best, Some(source)),
-            ReducedError::Contact(ContactError::NotConverged { best }) => (best, None),
-            ReducedError::Contact(ContactError::Interrupted { best }) => {
+            ReducedError::Contact(ContactError::NotConverged { best }) if best.status.is_early() => {
                 let best = Box::new(self.in_free(*best));
-                return Err(ContactError::Interrupted { best });
+                return Err(ContactError::NotConverged { best });
             }
+            ReducedError::Contact(ContactError::NotConverged { best }) => (best, None),
             ReducedError::Contact(ContactError::NotReducible { node, piece, best }) => {
                 let best = Box::new(self.in_free(*best));
                 return Err(ContactError::NotReducible { node, piece, best });
@@ -329,8 +331,13 @@ impl<L: NodeLaw> ReducedContact<L> {
         let u = match found {
             Ok(u) => u,
             Err(_) if stopped || late => {
-                let best = Box::new(failed.best);
-                return Err(ContactError::Interrupted { best });
+                let mut best = Box::new(failed.best);
+                best.status = if stopped {
+                    Status::Interrupted
+                } else {
+                    Status::TimeLimit
+                };
+                return Err(ContactError::NotConverged { best });
             }
             Err(_) => return Err(failed.into()),
         };
@@ -351,7 +358,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             let mut iterations = before.iterations.clone();
             iterations.append(&mut report.iterations);
             report.iterations = iterations;
-            report.strategy = ReducedStrategy::Condensed;
+            report.strategy = ContactStrategy::Condensed;
             report.times.select += before.times.select;
             report.times.krylov += before.times.krylov;
             report.times.rest += before.times.rest + elapsed;
@@ -405,7 +412,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// Wrong length, values that are not finite.
     pub fn solution(&self, alpha: f64, displacements: &[f64]) -> Result<ContactSolution, ContactError> {
         let n = self.body.num_displacements();
-        check_length("the displacements", displacements, n)?;
+        check_vector("the displacements", displacements, n)?;
         let load = self.load_at(alpha);
         let u = self.body.turned(displacements);
         let f = self.body.turned(&load);
@@ -465,7 +472,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
-        check_length("the reference of the slip", reference, self.reference.len())?;
+        check_vector("the reference of the slip", reference, self.reference.len())?;
         self.reference.copy_from_slice(reference);
         Ok(())
     }
@@ -475,7 +482,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn set_history(&mut self, history: &[f64]) -> Result<(), ContactError> {
-        check_length("the list of history variables", history, self.history.len())?;
+        check_vector("the list of history variables", history, self.history.len())?;
         self.history.copy_from_slice(history);
         Ok(())
     }

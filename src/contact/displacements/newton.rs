@@ -4,14 +4,14 @@ use std::ops::ControlFlow;
 
 use super::node::Node;
 use super::solve::{Outcome, ReducedError, ReducedNodes, ReducedObserver, Stop};
-use super::system::{KrylovOutcome, ReducedStep, ReducedSystem};
-use super::{
-    ReducedIteration, ReducedOptions, ReducedProgress, ReducedReport, ReducedStrategy, ReducedTimes,
-};
+use super::system::{ReducedStep, ReducedSystem};
+use super::{ReducedIteration, ReducedOptions, ReducedProgress, ReducedReport, ReducedTimes};
 use crate::clock::{Clock, Deadline};
 use crate::contact::law::NodeLaw;
 use crate::contact::rounding::{SMALLEST, size_of_forces};
-use crate::contact::{ContactError, ContactResiduals, ContactState};
+use crate::contact::{ContactError, ContactResiduals, ContactState, ContactStrategy};
+use crate::linear::KrylovReport;
+use crate::run::Status;
 use crate::tolerances::ARMIJO;
 
 /// Number of full steps that do not halve the best residual, after which steps are damped.
@@ -38,11 +38,12 @@ const UNKNOWN: ContactResiduals = ContactResiduals {
     tangential: f64::INFINITY,
 };
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Ended {
     Solved,
-    Stuck,
-    Interrupted,
+    Stuck(Status),
+    /// By the observer or at the limit on time, in any process.
+    Early(Status),
 }
 
 /// Residuals at an iterate.
@@ -54,8 +55,8 @@ struct State {
     states: [usize; 3],
     /// Whether all nodes have the same piece as at the iterate before.
     settled: bool,
-    /// Whether a process has reached its time limit.
-    late: bool,
+    /// Why the search ends here, if one process has reached its limit on time or been stopped by its observer.
+    early: Option<Status>,
 }
 
 /// The best iterate under the full load.
@@ -80,8 +81,9 @@ impl Best {
         }
     }
 
-    pub(super) fn report(self, strategy: ReducedStrategy) -> ReducedReport {
+    pub(super) fn report(self, strategy: ContactStrategy, status: Status) -> ReducedReport {
         ReducedReport {
+            status,
             displacements: self.u,
             forces: self.forces,
             residuals: self.residuals,
@@ -112,8 +114,8 @@ pub(super) struct ReducedSearch<'a, S> {
     options: &'a ReducedOptions,
     deadline: Deadline<'static>,
     observe: &'a mut ReducedObserver<'a>,
-    /// Stopped by the observer or by the time limit, in any process.
-    stopped: bool,
+    /// Stopped by the observer or at the limit on time, in any process.
+    early: Option<Status>,
     iterations: Vec<ReducedIteration>,
     times: ReducedTimes,
     best: Best,
@@ -149,7 +151,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
             options,
             deadline: Deadline::after(options.max_time),
             observe,
-            stopped: false,
+            early: None,
             iterations: Vec::new(),
             times: ReducedTimes::default(),
             best: Best::start(u, nodes, law),
@@ -169,50 +171,49 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
         self.times.rest = clock
             .elapsed()
             .saturating_sub(self.times.select + self.times.krylov);
-        let strategy = match &ended {
-            Ok(strategy) => *strategy,
-            Err(_) => ReducedStrategy::Newton,
+        let (strategy, status) = match &ended {
+            Ok((strategy, status)) => (*strategy, *status),
+            Err(stop) => (ContactStrategy::Newton, stop.status()),
         };
         let report = ReducedReport {
             iterations: self.iterations,
             times: self.times,
-            ..self.best.report(strategy)
+            ..self.best.report(strategy, status)
         };
         match ended {
-            Ok(_) if report.residuals.largest() <= self.options.tolerance => Ok(report),
-            Ok(_) => {
-                let best = Box::new(report);
-                Err(match self.stopped {
-                    true => ContactError::Interrupted { best },
-                    false => ContactError::NotConverged { best },
-                }
-                .into())
+            Ok(_) if status.is_solved() => Ok(report),
+            Ok(_) => Err(ContactError::NotConverged {
+                best: Box::new(report),
             }
+            .into()),
             Err(stop) => Err(stop.with(report)),
         }
     }
 
-    /// Newton's method from the start, then load steps; returns the strategy that led to `best`, which is the solution if there is one.
-    fn solve(&mut self) -> Outcome<ReducedStrategy, S::Error> {
+    /// Newton's method from the start, then load steps; returns the strategy that led to `best`, which is the solution if there is one, and
+    /// how the search ended.
+    fn solve(&mut self) -> Outcome<(ContactStrategy, Status), S::Error> {
         let options = self.options;
         let start = self.best.u.clone();
         let (mut found, mut u) = self.iterate(1.0, start, options.tolerance, options.max_iterations)?;
-        let mut strategy = ReducedStrategy::Newton;
-        if found == Ended::Stuck && options.max_load_steps > 0 {
+        let mut strategy = ContactStrategy::Newton;
+        if matches!(found, Ended::Stuck(_)) && options.max_load_steps > 0 {
             let (again, other) = self.load_steps()?;
-            if again != Ended::Stuck {
-                (strategy, found, u) = (ReducedStrategy::LoadSteps, again, other);
+            if !matches!(again, Ended::Stuck(_)) {
+                (strategy, u) = (ContactStrategy::LoadSteps, other);
             }
+            found = again;
         }
-        if found == Ended::Solved {
-            return Ok(strategy);
-        }
+        let (Ended::Stuck(status) | Ended::Early(status)) = found else {
+            return Ok((strategy, Status::Solved));
+        };
         self.set_load(1.0);
         let state = self.evaluate(&u)?;
         if state.merit <= self.best.merit || state.residuals.largest() <= options.tolerance {
             self.keep(&u, &state);
         }
-        Ok(strategy)
+        let solved = self.best.residuals.largest() <= options.tolerance;
+        Ok((strategy, if solved { Status::Solved } else { status }))
     }
 
     /// Keeps an iterate that has just been evaluated as the best one.
@@ -245,6 +246,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
         self.set_load(share);
         let (mut best, mut since) = ((f64::INFINITY, Vec::new()), 0);
         let (mut before, mut damped) = (f64::INFINITY, false);
+        let mut stuck = Status::Stalled;
         for taken in 0..=limit {
             self.tell(share);
             let state = self.evaluate(&u)?;
@@ -269,11 +271,12 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
                     self.keep(&u, &state);
                 }
             }
-            if state.late {
-                self.stopped = true;
-                return Ok((Ended::Interrupted, best.1));
+            if let Some(status) = state.early {
+                self.early = state.early;
+                return Ok((Ended::Early(status), best.1));
             }
             if taken == limit {
+                stuck = Status::IterationLimit;
                 break;
             }
             if since >= PATIENCE {
@@ -310,12 +313,12 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
             if let Some(last) = self.iterations.last_mut() {
                 (last.krylov, last.step) = (outcome.iterations, taken);
             }
-            if taken == 0.0 && !self.stopped {
+            if taken == 0.0 && self.early.is_none() {
                 break;
             }
         }
         let u = if best.1.is_empty() { u } else { best.1 };
-        Ok((Ended::Stuck, u))
+        Ok((Ended::Stuck(stuck), u))
     }
 
     /// The relative tolerance of the next linear system, from the current error and that of the step before (infinite in the first one).
@@ -343,9 +346,10 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
     }
 
     fn tell(&mut self, load: f64) {
-        if !self.stopped {
+        if self.early.is_none() {
             let progress = self.progress(load);
-            self.stopped = (self.observe)(&progress).is_break();
+            let stopped = (self.observe)(&progress).is_break();
+            self.early = stopped.then_some(Status::Interrupted);
         }
     }
 
@@ -374,16 +378,16 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
                         return Ok((Ended::Solved, u));
                     }
                 }
-                (Ended::Interrupted, found) => return Ok((Ended::Interrupted, found)),
-                (Ended::Stuck, _) => {
+                (early @ Ended::Early(_), found) => return Ok((early, found)),
+                (Ended::Stuck(_), _) => {
                     step *= 0.25;
                     if step < SMALLEST_STEP {
-                        break;
+                        return Ok((Ended::Stuck(Status::Stalled), u));
                     }
                 }
             }
         }
-        Ok((Ended::Stuck, u))
+        Ok((Ended::Stuck(Status::IterationLimit), u))
     }
 
     /// A u into `image`, the laws at u into `local`.
@@ -448,14 +452,17 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
             }
         }
         let mut sums = [squares, counts[0], counts[1], counts[2]];
-        let flags =
-            [self.stopped || self.deadline.is_over(), failure.is_some()].map(|b| f64::from(u8::from(b)));
-        let mut largest = [
-            balance, weight, normal, tangential, size, moved, flags[0], flags[1],
-        ];
+        // The largest of all processes: an observer counts more than a limit on time.
+        let early = match self.early {
+            Some(Status::Interrupted) => 2.0,
+            None if !self.deadline.is_over() => 0.0,
+            _ => 1.0,
+        };
+        let failed = f64::from(u8::from(failure.is_some()));
+        let mut largest = [balance, weight, normal, tangential, size, moved, early, failed];
         self.system.sum(&mut sums).map_err(Stop::System)?;
         self.system.max(&mut largest).map_err(Stop::System)?;
-        let [balance, weight, normal, tangential, size, moved, late, failed] = largest;
+        let [balance, weight, normal, tangential, size, moved, early, failed] = largest;
         if failed > 0.0 {
             return Err(failure.unwrap_or(Stop::Elsewhere));
         }
@@ -471,12 +478,16 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
             merit: sums[0].sqrt(),
             states: [sums[1], sums[2], sums[3]].map(|c| c as usize),
             settled: moved == 0.0,
-            late: late > 0.0,
+            early: match early {
+                0.0 => None,
+                1.0 => Some(Status::TimeLimit),
+                _ => Some(Status::Interrupted),
+            },
         })
     }
 
     /// A full Newton step from the u at which the laws were evaluated.
-    fn step(&mut self, u: &mut [f64], forcing: f64) -> Outcome<KrylovOutcome, S::Error> {
+    fn step(&mut self, u: &mut [f64], forcing: f64) -> Outcome<KrylovReport, S::Error> {
         let clock = Clock::start();
         self.linearise(u);
         let lists = &self.lists;
@@ -505,13 +516,16 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
         }
         let progress = self.progress(self.iterations.last().map_or(1.0, |i| i.load));
         let (clock, left) = (Clock::start(), self.deadline.left());
-        let (observe, stopped) = (&mut *self.observe, &mut self.stopped);
+        let (observe, early) = (&mut *self.observe, &mut self.early);
         let mut each = |krylov: usize| {
-            let late = left.is_some_and(|left| clock.elapsed() >= left);
-            *stopped = *stopped || late || observe(&ReducedProgress { krylov, ..progress }).is_break();
-            match *stopped {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
+            if early.is_none() && left.is_some_and(|left| clock.elapsed() >= left) {
+                *early = Some(Status::TimeLimit);
+            } else if early.is_none() && observe(&ReducedProgress { krylov, ..progress }).is_break() {
+                *early = Some(Status::Interrupted);
+            }
+            match early {
+                Some(_) => ControlFlow::Break(()),
+                None => ControlFlow::Continue(()),
             }
         };
         let (rest, direction) = (&self.other, &mut self.direction);

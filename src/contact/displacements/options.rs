@@ -1,6 +1,7 @@
 use std::time::Duration;
 
-use crate::contact::ContactError;
+use crate::InputError;
+use crate::input::{any, check_options, fraction};
 use crate::options::setters;
 
 /// Options of [`ReducedContact`](super::ReducedContact). The defaults suit most problems.
@@ -86,23 +87,15 @@ impl ReducedOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`ContactError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), ContactError> {
-        let refuse = |name, value, range| Err(ContactError::Option { name, value, range });
-        if !(self.tolerance >= 1e-14 && self.tolerance < 1.0) {
-            return refuse("tolerance", self.tolerance, "at least 1e-14 and below 1");
-        }
-        if !(self.forcing > 0.0 && self.forcing < 1.0) {
-            return refuse("forcing", self.forcing, "above 0 and below 1");
-        }
-        let positive = [
-            ("max_iterations", self.max_iterations),
-            ("max_krylov", self.max_krylov),
-            ("directions", self.directions),
-        ];
-        match positive.into_iter().find(|(_, value)| *value == 0) {
-            Some((name, _)) => refuse(name, 0.0, "at least 1"),
-            None => Ok(()),
-        }
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        let fine = self.tolerance >= 1e-14 && self.tolerance < 1.0;
+        check_options(&[
+            ("tolerance", self.tolerance, fine, "at least 1e-14 and below 1"),
+            fraction("forcing", self.forcing),
+            any("max_iterations", self.max_iterations as u64),
+            any("max_krylov", self.max_krylov as u64),
+            any("directions", self.directions as u64),
+        ])
     }
 }

@@ -1,22 +1,10 @@
 use std::fmt;
 use std::time::Duration;
 
-use crate::contact::ContactResiduals;
 use crate::contact::solution::StateCounts;
+use crate::contact::{ContactResiduals, ContactStrategy};
+use crate::run::Status;
 use crate::words::Count;
-
-/// How a solution was found, or an attempt failed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum ReducedStrategy {
-    /// Semismooth Newton steps from the start.
-    Newton,
-    /// Load steps.
-    LoadSteps,
-    /// The strategies of the condensed form.
-    Condensed,
-}
 
 /// The progress of a solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,11 +60,14 @@ impl ReducedTimes {
     }
 }
 
-/// A solution in the displacements, or the best iterate of a search that failed.
-#[derive(Debug, Clone, PartialEq)]
+/// A solution in the displacements, or the best iterate of a search that failed. Its `Debug` leaves out vectors and history, so that a `main`
+/// which returns an error that holds it prints a line.
+#[derive(Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ReducedReport {
+    /// How the search ended.
+    pub status: Status,
     /// The free displacements u, as numbered in the stiffness matrix.
     pub displacements: Vec<f64>,
     /// Contact forces λν of all nodes, then λt₁, in space then λt₂: f − A u at the contact nodes. Followed by α they are the x of the
@@ -87,7 +78,7 @@ pub struct ReducedReport {
     /// Numbers of open, sticking and slipping nodes at these displacements.
     pub states: [usize; 3],
     /// The strategy that led here.
-    pub strategy: ReducedStrategy,
+    pub strategy: ContactStrategy,
     /// All Newton steps, of failed attempts too.
     pub iterations: Vec<ReducedIteration>,
     /// Wall-clock times by task.
@@ -108,16 +99,6 @@ impl ReducedReport {
     }
 }
 
-impl fmt::Display for ReducedStrategy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Newton => "Newton",
-            Self::LoadSteps => "load steps",
-            Self::Condensed => "condensed form",
-        })
-    }
-}
-
 /// "12 Newton steps, 90 GMRES iterations (load steps); 1 open, 2 stick, 1 slips; …": in one line.
 impl fmt::Display for ReducedReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -126,9 +107,21 @@ impl fmt::Display for ReducedReport {
             "{}, {} ({}); {}; {}",
             Count(self.newton(), "Newton step", "Newton steps"),
             Count(self.krylov(), "GMRES iteration", "GMRES iterations"),
-            self.strategy,
+            self.strategy.name(),
             StateCounts(self.states),
             self.residuals
         )
+    }
+}
+
+impl fmt::Debug for ReducedReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ReducedReport")
+            .field("status", &self.status)
+            .field("residuals", &self.residuals)
+            .field("states", &self.states)
+            .field("strategy", &self.strategy)
+            .field("iterations", &self.iterations.len())
+            .finish_non_exhaustive()
     }
 }

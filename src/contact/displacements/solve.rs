@@ -6,9 +6,12 @@ use thiserror::Error;
 
 use super::newton::{Best, ReducedSearch};
 use super::system::ReducedSystem;
-use super::{ReducedOptions, ReducedProgress, ReducedReport, ReducedStrategy};
-use crate::contact::ContactError;
+use super::{ReducedOptions, ReducedProgress, ReducedReport};
+use crate::InputError;
 use crate::contact::law::{LocalValues, NodeLaw};
+use crate::contact::{ContactError, ContactStrategy};
+use crate::input::check_length;
+use crate::run::Status;
 
 /// What can go wrong in [`solve_reduced`].
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -42,6 +45,15 @@ pub(super) enum Stop<E> {
 pub(super) type Outcome<T, E> = Result<T, Stop<E>>;
 
 impl<E> Stop<E> {
+    /// In words for all solvers. Another process knows why it ends the search, or nothing was begun.
+    pub(super) const fn status(&self) -> Status {
+        match self {
+            Self::Law(..) => Status::Singular,
+            Self::System(_) => Status::Inaccurate,
+            Self::Contact(_) | Self::Elsewhere => Status::Stalled,
+        }
+    }
+
     pub(super) fn with(self, best: ReducedReport) -> ReducedError<E> {
         let best = Box::new(best);
         match self {
@@ -120,8 +132,7 @@ impl ReducedNodes<'_> {
 ///
 /// # Errors
 /// Wrong lengths; all others with the best iterate and the history: those of the system, [`ContactError::NotReducible`] for laws that
-/// cannot be eliminated, [`ContactError::NotConverged`], [`ContactError::Interrupted`] at the time limit, and [`ContactError::Elsewhere`]
-/// where another process found an error.
+/// cannot be eliminated, [`ContactError::NotConverged`], also at the limit on time, and [`ContactError::Elsewhere`] where another process found an error.
 pub fn solve_reduced<S: ReducedSystem>(
     system: &mut S,
     nodes: &ReducedNodes<'_>,
@@ -138,7 +149,7 @@ pub fn solve_reduced<S: ReducedSystem>(
 /// solves; it may stop. A stop in one process ends the solve in all of them.
 ///
 /// # Errors
-/// Those of [`solve_reduced`]; [`ContactError::Interrupted`] with the best iterate where the observer has stopped.
+/// Those of [`solve_reduced`]; [`ContactError::NotConverged`] with the best iterate where the observer has stopped.
 pub fn solve_reduced_observed<S: ReducedSystem>(
     system: &mut S,
     nodes: &ReducedNodes<'_>,
@@ -151,7 +162,10 @@ pub fn solve_reduced_observed<S: ReducedSystem>(
     let checked = check(system.len(), nodes, law, load, &u, options);
     let is_contact = match agreed(system, checked) {
         Ok(is_contact) => is_contact,
-        Err(stop) => return Err(stop.with(Best::start(u, nodes, law).report(ReducedStrategy::Newton))),
+        Err(stop) => {
+            let start = Best::start(u, nodes, law).report(ContactStrategy::Newton, stop.status());
+            return Err(stop.with(start));
+        }
     };
     ReducedSearch::new(system, nodes, law, (load, u), is_contact, options, observe).run()
 }
@@ -176,22 +190,16 @@ fn check(
             law.num_history() * nodes.components.len(),
         ),
     ] {
-        if found != expected {
-            return Err(ContactError::Length {
-                what,
-                expected,
-                found,
-            });
-        }
+        check_length(what, found, expected)?;
     }
     let mut is_contact = vec![false; len];
     for c in nodes.components {
         let Some(own) = is_contact.get_mut(*c..c.saturating_add(1 + law.num_tangents())) else {
-            return Err(ContactError::Length {
+            return Err(ContactError::Input(InputError::Length {
                 what: "the list of components",
                 expected: c.saturating_add(1 + law.num_tangents()),
                 found: len,
-            });
+            }));
         };
         own.fill(true);
     }

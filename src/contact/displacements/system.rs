@@ -7,8 +7,9 @@ use std::time::Duration;
 
 use super::ReducedBody;
 use crate::clock::Until;
-use crate::linear::{Aggregation, Gmres, LinearError};
+use crate::linear::{Aggregation, Gmres, KrylovReport, LinearError};
 use crate::parallel;
+use crate::run::Status;
 use crate::sparse::{NodalBlocks, Symmetric};
 
 /// The operations on a body that Newton's method in the displacements needs: products with its stiffness matrix A and solves with matrices
@@ -47,7 +48,7 @@ pub trait ReducedSystem {
     ///
     /// # Errors
     /// Those of the implementation.
-    fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovOutcome, Self::Error>;
+    fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovReport, Self::Error>;
 
     /// [`solve`](Self::solve), which calls `observe` before each iteration with the number of those done and, where that breaks, ends with
     /// the iterate reached. By default it is not called, so that a search can only be stopped between Newton steps.
@@ -60,7 +61,7 @@ pub trait ReducedSystem {
         d: &mut [f64],
         tolerance: f64,
         _observe: &mut KrylovObserver<'_>,
-    ) -> Result<KrylovOutcome, Self::Error> {
+    ) -> Result<KrylovReport, Self::Error> {
         self.solve(r, d, tolerance)
     }
 
@@ -93,24 +94,6 @@ pub struct ReducedStep<'a> {
     pub beside: &'a [(usize, usize, f64)],
     /// (i, j, c): row i += c · row j of A, not included in the preconditioner; i and j belong to one node, and j is constrained.
     pub combined: &'a [(usize, usize, f64)],
-}
-
-/// The outcome of an iterative solve.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[non_exhaustive]
-pub struct KrylovOutcome {
-    /// Number of iterations.
-    pub iterations: usize,
-    /// ‖r − J d‖₂ / ‖r‖₂, by the recurrence.
-    pub residual: f64,
-}
-
-impl KrylovOutcome {
-    /// For other implementations.
-    #[must_use]
-    pub const fn new(iterations: usize, residual: f64) -> Self {
-        Self { iterations, residual }
-    }
 }
 
 /// Factor of the residual per iteration above which the cycle is given more smoothing.
@@ -202,7 +185,7 @@ impl SerialSystem {
         r: &[f64],
         d: &mut [f64],
         tolerance: f64,
-    ) -> Result<KrylovOutcome, LinearError> {
+    ) -> Result<KrylovReport, LinearError> {
         d.copy_from_slice(r);
         let rows = Rows {
             constrained: &self.constrained,
@@ -246,12 +229,12 @@ impl ReducedSystem for SerialSystem {
         };
         match changed {
             // The next solve then ends before its first iteration.
-            Err(LinearError::Interrupted) => Ok(()),
+            Err(LinearError::TimeLimit) => Ok(()),
             changed => changed,
         }
     }
 
-    fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovOutcome, LinearError> {
+    fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovReport, LinearError> {
         self.solve_observed(r, d, tolerance, &mut |_| ControlFlow::Continue(()))
     }
 
@@ -261,7 +244,7 @@ impl ReducedSystem for SerialSystem {
         d: &mut [f64],
         tolerance: f64,
         observe: &mut KrylovObserver<'_>,
-    ) -> Result<KrylovOutcome, LinearError> {
+    ) -> Result<KrylovReport, LinearError> {
         d.copy_from_slice(r);
         let rows = Rows {
             constrained: &self.constrained,
@@ -311,7 +294,7 @@ impl Rows<'_> {
         d: &mut [f64],
         (tolerance, limit): (f64, usize),
         observe: &mut KrylovObserver<'_>,
-    ) -> Result<KrylovOutcome, LinearError> {
+    ) -> Result<KrylovReport, LinearError> {
         let hierarchy = RefCell::new(hierarchy);
         let (mut iterations, mut stopped) = (0, false);
         // Between restarts GMRES multiplies the result of the last cycle, for which the cycle has computed the product with A.
@@ -336,11 +319,11 @@ impl Rows<'_> {
                 iterations += 1;
                 if stopped {
                     // Any error ends GMRES, which keeps the iterate reached.
-                    return Err(LinearError::Interrupted);
+                    return Err(LinearError::TimeLimit);
                 }
                 let done = hierarchy.borrow_mut().apply(a, z);
                 known.set(true);
-                if done == Err(LinearError::Interrupted) {
+                if done == Err(LinearError::TimeLimit) {
                     // The time limit is reported to the caller.
                     let _ = observe(iterations);
                     stopped = true;
@@ -352,13 +335,9 @@ impl Rows<'_> {
             limit,
         );
         if stopped {
-            return Ok(KrylovOutcome::new(iterations - 1, 1.0));
+            return Ok(KrylovReport::new(Status::Interrupted, iterations - 1, 1.0));
         }
-        let outcome = solved?;
-        Ok(KrylovOutcome {
-            iterations: outcome.iterations,
-            residual: outcome.residual,
-        })
+        solved
     }
 
     /// The transpose: rows that are combined in the system become components that are moved together.
@@ -369,11 +348,11 @@ impl Rows<'_> {
         gmres: &mut Gmres,
         d: &mut [f64],
         (tolerance, limit): (f64, usize),
-    ) -> Result<KrylovOutcome, LinearError> {
+    ) -> Result<KrylovReport, LinearError> {
         let hierarchy = RefCell::new(hierarchy);
         // As in `solve`: the image of what the last cycle gave is known.
         let known = Cell::new(false);
-        let outcome = gmres.solve(
+        gmres.solve(
             |x, y| {
                 match known.replace(false) {
                     true => hierarchy.borrow().add_image(a, x, y),
@@ -399,10 +378,6 @@ impl Rows<'_> {
             d,
             tolerance,
             limit,
-        )?;
-        Ok(KrylovOutcome {
-            iterations: outcome.iterations,
-            residual: outcome.residual,
-        })
+        )
     }
 }

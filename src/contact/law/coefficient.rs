@@ -4,7 +4,9 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::LocalValues;
+use crate::InputError;
 use crate::contact::ContactError;
+use crate::input::{check_finite, check_vector};
 
 type CurveFunction = Arc<dyn Fn(f64) -> (f64, f64) + Send + Sync>;
 type ParameterFunction = Arc<dyn Fn(usize, f64) -> [f64; 2] + Send + Sync>;
@@ -279,7 +281,7 @@ impl FrictionCoefficient {
     /// # Errors
     /// No values, values below 0 or not finite.
     pub fn nodal(values: Vec<f64>) -> Result<Self, ContactError> {
-        crate::contact::error::check_finite("the list of coefficients of friction", &values)?;
+        check_finite("the list of coefficients of friction", &values)?;
         if let Some(node) = values.iter().position(|v| *v < 0.0) {
             return Err(ContactError::NegativeFriction {
                 node,
@@ -301,12 +303,12 @@ impl FrictionCoefficient {
     /// # Errors
     /// No values, lists of different lengths, values that are not finite; constants below 0 where all slopes are 0.
     pub fn affine(constant: Vec<f64>, slope: Vec<f64>) -> Result<Self, ContactError> {
-        crate::contact::error::check_length(
+        check_vector(
             "the slopes of the coefficient of friction",
             &slope,
             constant.len(),
         )?;
-        crate::contact::error::check_finite("the coefficient of friction", &constant)?;
+        check_finite("the coefficient of friction", &constant)?;
         if constant.is_empty() || slope.iter().all(|s| *s == 0.0) {
             return Self::nodal(constant);
         }
@@ -328,7 +330,7 @@ impl FrictionCoefficient {
     /// # Errors
     /// No values, values that are not finite.
     pub fn with_second(mut self, slope: Vec<f64>) -> Result<Self, ContactError> {
-        crate::contact::error::check_finite("the friction of the second parameter", &slope)?;
+        check_finite("the friction of the second parameter", &slope)?;
         if slope.is_empty() {
             return Err(ContactError::Empty {
                 what: "there is no friction of the second parameter",
@@ -469,11 +471,11 @@ pub(super) fn check_coefficient(
 ) -> Result<(), ContactError> {
     let values = coefficient.at(v, v.slip_norm());
     if values.iter().any(|f| !f.is_finite()) {
-        return Err(ContactError::NotFinite {
+        return Err(ContactError::Input(InputError::NotFinite {
             what: "the coefficient of friction or a derivative of it, at node",
             index: v.node,
             value: values.into_iter().find(|f| !f.is_finite()).unwrap_or(f64::NAN),
-        });
+        }));
     }
     let (node, parameter) = (v.node, v.parameter);
     match values[0] {

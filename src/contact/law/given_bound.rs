@@ -1,6 +1,7 @@
 use super::ContactState;
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN};
 use crate::contact::ContactError;
+use crate::input::check_vector;
 use crate::piecewise::Facet;
 
 /// Friction with a given bound (Tresca): ‖F⁻¹ λt‖ ≤ g with g ≥ 0 and F = diag(F₁, F₂) given at each node, whatever the pressure.
@@ -26,7 +27,7 @@ impl GivenBound {
                 body: 2,
             });
         }
-        crate::contact::error::check_length("the given bounds", &bounds, coefficients.len())?;
+        check_vector("the given bounds", &bounds, coefficients.len())?;
         for (node, (g, f)) in bounds.iter().zip(&coefficients).enumerate() {
             for value in [*g, f[0], f[1]] {
                 if !(value >= 0.0 && value.is_finite()) {

@@ -1,6 +1,7 @@
 use super::ContactState;
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN};
 use crate::contact::ContactError;
+use crate::input::check_vector;
 use crate::piecewise::Facet;
 
 /// Coulomb friction up to a limit of the shear force: ‖λt‖ ≤ min(F λν, T), isotropic, with F and T given at each node.
@@ -27,7 +28,7 @@ impl LimitedShear {
                 body: 2,
             });
         }
-        crate::contact::error::check_length("the limits of shear", &limits, friction.len())?;
+        check_vector("the limits of shear", &limits, friction.len())?;
         super::check_bounds("the coefficient of friction", &friction)?;
         super::check_bounds("the limit of shear", &limits)?;
         Ok(Self {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::ContactState;
+use crate::InputError;
 use crate::contact::ContactError;
 use crate::piecewise::Facet;
 
@@ -158,7 +159,7 @@ pub const MAX_HISTORY: usize = 4;
 /// Checks that a law fits a body; the constructors of all contact problems do so.
 ///
 /// # Errors
-/// [`ContactError::Tangents`] and [`ContactError::Length`] where the law is for another number of tangential directions or contact nodes,
+/// [`ContactError::Tangents`] and [`InputError::Length`] where the law is for another number of tangential directions or contact nodes,
 /// [`ContactError::Law`] where it has more than [`MAX_TESTS`] test functions or [`MAX_HISTORY`] history variables, no piece, or a piece
 /// whose cell names a test function that does not exist.
 ///
@@ -175,11 +176,11 @@ pub fn check_law<L: NodeLaw + ?Sized>(law: &L, tangents: usize, nodes: usize) ->
         });
     }
     if let Some(found) = law.num_nodes().filter(|found| *found != nodes) {
-        return Err(ContactError::Length {
+        return Err(ContactError::Input(InputError::Length {
             what: "the list of coefficients of friction",
             expected: nodes,
             found,
-        });
+        }));
     }
     let within = |what, found, least, most| match found {
         found if found < least || found > most => Err(ContactError::Law {

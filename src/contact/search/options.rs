@@ -1,7 +1,8 @@
 use std::time::Duration;
 
-use crate::contact::ContactError;
-use crate::newton::{NewtonError, NewtonOptions};
+use crate::InputError;
+use crate::input::{any, check_options};
+use crate::newton::NewtonOptions;
 use crate::options::setters;
 
 /// Options of the search for a solution at fixed α
@@ -74,22 +75,12 @@ impl ContactOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`ContactError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), ContactError> {
-        if let Err(NewtonError::Option { name, value, range }) = self.newton.validate() {
-            return Err(ContactError::Option { name, value, range });
-        }
-        let positive = [
-            ("max_points", self.max_points as f64),
-            ("max_nodes", self.max_nodes as f64),
-        ];
-        match positive.into_iter().find(|(_, value)| *value < 1.0) {
-            Some((name, value)) => Err(ContactError::Option {
-                name,
-                value,
-                range: "at least 1",
-            }),
-            None => Ok(()),
-        }
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        self.newton.validate()?;
+        check_options(&[
+            any("max_points", self.max_points as u64),
+            any("max_nodes", self.max_nodes),
+        ])
     }
 }

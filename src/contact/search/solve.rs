@@ -6,12 +6,12 @@ use super::lowering::lower;
 use super::reduced::ReducedNewton;
 use super::strategy;
 use super::tries::{Observer, newton_step};
-use crate::contact::error::check_finite;
 use crate::contact::forms::CONDENSED;
 use crate::contact::law::{LocalValues, NodeLaw};
 use crate::contact::{
     CondensedContact, Contact, ContactError, ContactOptions, ContactProgress, ContactReport, ContactState,
 };
+use crate::input::{check_finite, check_length};
 use crate::interface::View;
 use crate::newton::Newton;
 
@@ -33,13 +33,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// A singular problem.
     pub fn start_with(&self, alpha: f64, states: &[ContactState]) -> Result<Vec<f64>, ContactError> {
         check_finite("the parameter", &[alpha])?;
-        if states.len() != self.num_contacts() {
-            return Err(ContactError::Length {
-                what: "the list of states",
-                expected: self.num_contacts(),
-                found: states.len(),
-            });
-        }
+        check_length("the list of states", states.len(), self.num_contacts())?;
         let step = newton_step(self, &self.selection_of(states), self.zero(alpha))?;
         step.ok_or(ContactError::SingularStart { parameter: alpha })
     }

@@ -7,10 +7,10 @@ use super::lowering::{Lowering, LoweringEnd};
 use super::reduced::ReducedNewton;
 use super::tries::{Observer, Tries, timed};
 use crate::clock::Deadline;
-use crate::contact::error::{check_finite, check_length};
 use crate::contact::forms::CONDENSED;
 use crate::contact::law::{LocalValues, NodeLaw};
 use crate::contact::{Contact, ContactError, ContactOptions};
+use crate::input::{check_finite, check_vector};
 use crate::interface::View;
 use crate::piecewise::PiecewiseSmooth;
 use crate::run::Status;
@@ -41,6 +41,10 @@ pub enum ContactStrategy {
     Increments,
     /// The body is lowered onto the foundation, and the curve of solutions followed through kinks and folds.
     Path,
+    /// In the displacements alone: the load in steps, each solved by semismooth Newton steps.
+    LoadSteps,
+    /// In the displacements alone: the strategies of the condensed form.
+    Condensed,
 }
 
 impl ContactStrategy {
@@ -53,6 +57,8 @@ impl ContactStrategy {
             Self::Stiffer => "stiffer",
             Self::Increments => "increments",
             Self::Path => "path",
+            Self::LoadSteps => "load steps",
+            Self::Condensed => "condensed form",
         }
     }
 }
@@ -65,7 +71,9 @@ named!(
         Self::Restart,
         Self::Stiffer,
         Self::Increments,
-        Self::Path
+        Self::Path,
+        Self::LoadSteps,
+        Self::Condensed
     ]
 );
 
@@ -159,7 +167,7 @@ pub(in crate::contact) fn solve<V: View>(
     }
     let mut first = zero.clone();
     if let Some(x) = start {
-        check_length("the start", x, zero.len())?;
+        check_vector("the start", x, zero.len())?;
         first.copy_from_slice(x);
         first[form.num_residuals()] = alpha;
     }

@@ -1,9 +1,8 @@
 //! Constants that bound the fixed-point map Ψ of the friction problem, and consequences for uniqueness (Haslinger, Kučera, Vlach 2008).
 
-use crate::contact::CondensedContact;
-use crate::contact::ContactError;
-use crate::contact::error::check_length;
 use crate::contact::law::NodeLaw;
+use crate::contact::{CondensedContact, ContactError};
+use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError, LinearSolver, eigenvalues, symmetric_eigenvalues};
 use crate::piecewise::Selection;
 use crate::sparse::{Matrix, Pattern};
@@ -37,7 +36,7 @@ impl UniquenessConstants {
     /// Wrong lengths, areas that are not positive, a singular compliance.
     pub fn new<L: NodeLaw>(problem: &CondensedContact<L>, areas: &[f64]) -> Result<Self, ContactError> {
         let p = problem.num_contacts();
-        check_length("the areas of the contact nodes", areas, p)?;
+        check_vector("the areas of the contact nodes", areas, p)?;
         check_areas(areas)?;
         let c = problem.compliance();
         let q = c.nrows();
@@ -159,14 +158,14 @@ impl FixedPointBound {
 /// # Errors
 /// Lengths that differ, values that are not finite, areas that are not positive.
 pub fn pressure_norm(areas: &[f64], forces: &[f64]) -> Result<f64, ContactError> {
-    check_length("the nodal forces", forces, areas.len())?;
+    check_vector("the nodal forces", forces, areas.len())?;
     check_areas(areas)?;
     let pairs = areas.iter().zip(forces);
     Ok(pairs.map(|(m, g)| g * g / m).sum::<f64>().sqrt())
 }
 
 fn check_areas(areas: &[f64]) -> Result<(), ContactError> {
-    check_length("the areas of the contact nodes", areas, areas.len())?;
+    check_vector("the areas of the contact nodes", areas, areas.len())?;
     let Some(node) = areas.iter().position(|a| *a <= 0.0) else {
         return Ok(());
     };

@@ -1,6 +1,7 @@
 use crate::contact::{
     ContactBody, ContactError, ContactState, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb,
 };
+use crate::input::check_finite;
 use crate::sparse::Matrix;
 
 /// The model with one contact node of Hild and Renard (2005): A = ½ [[λ+3μ, −(λ+μ)], [−(λ+μ), λ+3μ]], load (f_ν, f_t), F = α, and
@@ -50,7 +51,7 @@ impl HildRenard {
     /// # Errors
     /// Values that are not finite; λ or μ not positive ([`ContactError::Modulus`]).
     pub fn new(f_nu: f64, f_t: f64, lambda: f64, mu: f64) -> Result<Self, ContactError> {
-        crate::contact::error::check_finite("(f_nu, f_t, lambda, mu)", &[f_nu, f_t, lambda, mu])?;
+        check_finite("(f_nu, f_t, lambda, mu)", &[f_nu, f_t, lambda, mu])?;
         for (index, value) in [(2, lambda), (3, mu)] {
             if value <= 0.0 {
                 return Err(ContactError::Modulus {

@@ -1,11 +1,14 @@
 use std::fmt;
 use std::ops::ControlFlow;
 
+use crate::InputError;
 use crate::contact::CondensedContact;
 use crate::contact::law::GivenBound;
 use crate::contact::law::NodeLaw;
 use crate::contact::search::ReducedNewton;
 use crate::contact::{ContactError, ContactOptions};
+use crate::input::check_vector;
+use crate::input::{check_options, not_negative};
 use crate::options::setters;
 use crate::piecewise::{PiecewiseSmooth, Selection, select};
 use crate::sparse::norm;
@@ -60,15 +63,13 @@ impl FixedPointOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`ContactError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), ContactError> {
-        let bad = |name, value, range| Err(ContactError::Option { name, value, range });
-        if !(self.relaxation > 0.0 && self.relaxation <= 1.0) {
-            return bad("relaxation", self.relaxation, "in (0, 1]");
-        }
-        if !(self.tolerance >= 0.0 && self.tolerance.is_finite()) {
-            return bad("tolerance", self.tolerance, "finite and at least 0");
-        }
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
+        let relaxation = self.relaxation > 0.0 && self.relaxation <= 1.0;
+        check_options(&[
+            ("relaxation", self.relaxation, relaxation, "in (0, 1]"),
+            not_negative("tolerance", self.tolerance),
+        ])?;
         self.contact.validate()
     }
 }
@@ -183,7 +184,7 @@ pub fn fixed_point_observed<L: NodeLaw>(
         });
     }
     let q = problem.num_residuals();
-    crate::contact::error::check_length("the solution x", start, problem.num_vars())?;
+    check_vector("the solution x", start, problem.num_vars())?;
     let begin = problem.nodes(start);
     let alpha = start[q];
     let mut slips: Vec<f64> = begin.iter().map(crate::contact::LocalValues::slip_norm).collect();

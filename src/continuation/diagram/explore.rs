@@ -230,11 +230,11 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
                 .max_time
                 .is_some_and(|t| self.clock.elapsed() >= t);
             let limit = if self.diagram.edges.len() >= self.options.max_edges {
-                Limit::MaxEdges
+                Limit::EdgeLimit
             } else if used >= self.options.max_points {
-                Limit::MaxPoints
+                Limit::PointLimit
             } else if late {
-                Limit::MaxTime
+                Limit::TimeLimit
             } else {
                 self.follow(end);
                 continue;
@@ -298,7 +298,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             };
             if (self.observe)(&report).is_break() {
                 curve.stop();
-                self.halt(Limit::Stopped);
+                self.halt(Limit::Interrupted);
             }
             let next = match event {
                 Event::Point(p) if p.kind == PointKind::Start => continue,
@@ -308,7 +308,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
                 }
                 Event::SmoothFold(f) => {
                     arc.smooth_folds.push(arc.points.len());
-                    arc.push(f.point);
+                    arc.push(f);
                     continue;
                 }
                 Event::Transition(t) => {
@@ -346,7 +346,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
                 _ => return,
             }
         }
-        let termination = curve.termination().unwrap_or(Termination::Stopped);
+        let termination = curve.termination().unwrap_or(Termination::Interrupted);
         self.end(arc, termination, failure);
     }
 

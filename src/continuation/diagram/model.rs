@@ -333,13 +333,13 @@ impl fmt::Display for DiagramCompleteness {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Limit {
     /// The limit on edges was reached; some arms were not followed.
-    MaxEdges,
+    EdgeLimit,
     /// The limit on the number of points in all was reached; some arms were not followed.
-    MaxPoints,
+    PointLimit,
     /// The limit on time was reached; some arms were not followed.
-    MaxTime,
+    TimeLimit,
     /// The observer stopped the exploration.
-    Stopped,
+    Interrupted,
     /// The curve that ends (or could not begin) at a vertex was not followed further.
     Curve {
         /// The vertex.
@@ -375,10 +375,10 @@ pub enum Limit {
 impl fmt::Display for Limit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::MaxEdges => f.write_str("limit on edges"),
-            Self::MaxPoints => f.write_str("limit on points"),
-            Self::MaxTime => f.write_str("limit on time"),
-            Self::Stopped => f.write_str("stopped"),
+            Self::EdgeLimit => f.write_str("edge limit"),
+            Self::PointLimit => f.write_str("point limit"),
+            Self::TimeLimit => f.write_str("time limit"),
+            Self::Interrupted => f.write_str("interrupted"),
             Self::Curve { vertex, termination } => write!(f, "{termination} at vertex {vertex}"),
             Self::Solutions { parameter } => write!(f, "solutions at parameter {parameter} not all known"),
             Self::Arms { vertex } => write!(f, "arms of vertex {vertex} undecided"),

@@ -1,4 +1,6 @@
-use crate::continuation::{ContinuationError, ContinuationOptions};
+use crate::InputError;
+use crate::continuation::ContinuationOptions;
+use crate::input::check_options;
 use crate::options::setters;
 
 /// Options of [`Diagram::explore`](super::Diagram::explore).
@@ -55,17 +57,10 @@ impl DiagramOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`ContinuationError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), ContinuationError> {
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
         self.continuation.validate()?;
         let fine = self.same_point > 0.0 && self.same_point < 1e-2;
-        if fine {
-            return Ok(());
-        }
-        Err(ContinuationError::Option {
-            name: "same_point",
-            value: self.same_point,
-            range: "in (0, 0.01)",
-        })
+        check_options(&[("same_point", self.same_point, fine, "in (0, 0.01)")])
     }
 }

@@ -5,6 +5,7 @@ use super::split::Stretch;
 use super::{Diagram, DiagramVertex, VertexKind};
 use crate::continuation::engine::belongs;
 use crate::continuation::{ContinuationError, Point};
+use crate::input::check_options;
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection};
@@ -95,7 +96,7 @@ impl Diagram {
     /// of them in m variables.
     ///
     /// # Errors
-    /// [`ContinuationError::Option`] for an α outside the explored range; maps that are not those of the diagram.
+    /// [`InputError::Option`](crate::InputError::Option) for an α outside the explored range; maps that are not those of the diagram.
     pub fn solutions_at<P: PiecewiseSmooth + ?Sized>(
         &self,
         map: &P,
@@ -106,13 +107,13 @@ impl Diagram {
 
     fn section_of(&self, map: &dyn PiecewiseSmooth, alpha: f64) -> Result<SolutionsAt, ContinuationError> {
         let (lower, upper) = self.range;
-        if !(alpha >= lower && alpha <= upper) {
-            return Err(ContinuationError::Option {
-                name: "alpha",
-                value: alpha,
-                range: "inside the explored range of the parameter",
-            });
-        }
+        let inside = alpha >= lower && alpha <= upper;
+        check_options(&[(
+            "alpha",
+            alpha,
+            inside,
+            "inside the explored range of the parameter",
+        )])?;
         if self.sizes.is_empty() {
             return self.sections(map, alpha);
         }

@@ -5,14 +5,17 @@ use std::ops::ControlFlow;
 use super::explore::{Explorer, Observer, Progress};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::{Diagram, DiagramCompleteness, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexKind};
+use crate::InputError;
 use crate::continuation::start::slices;
 use crate::continuation::{ContinuationError, Termination};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, check_selection, check_vector};
+use crate::input::check_options;
+use crate::input::check_vector;
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, check_selection};
 
 /// Whether a further run may go beyond this end of a curve.
 fn lifted(termination: Termination) -> bool {
-    use Termination::{MaxArclength, MaxPoints, MaxTime, Stopped};
-    matches!(termination, MaxArclength | MaxPoints | MaxTime | Stopped)
+    use Termination::{ArclengthLimit, Interrupted, PointLimit, TimeLimit};
+    matches!(termination, ArclengthLimit | PointLimit | TimeLimit | Interrupted)
 }
 
 impl Diagram {
@@ -84,13 +87,8 @@ impl Diagram {
         self.check(map)?;
         let (lower, upper) = options.continuation.parameter_range;
         for (value, own) in [(lower, self.range.0), (upper, self.range.1)] {
-            if value != own {
-                return Err(ContinuationError::Option {
-                    name: "parameter_range",
-                    value,
-                    range: "that of the diagram to be resumed",
-                });
-            }
+            let range = "that of the diagram to be resumed";
+            check_options(&[("parameter_range", value, value == own, range)])?;
         }
         let inner = &options.continuation;
         let scaled = Scaled::new(map, &inner.typical_sizes, inner.parameter_range)?;
@@ -214,11 +212,11 @@ impl Diagram {
     /// Checks that all vertices, arms and edges referred to exist.
     pub(super) fn check_structure(&self) -> Result<(), PiecewiseError> {
         let index = |what, found: usize, expected: usize| {
-            let error = PiecewiseError::Length {
+            let error = PiecewiseError::Input(InputError::Length {
                 what,
                 expected,
                 found: found.saturating_add(1),
-            };
+            });
             if found < expected { Ok(()) } else { Err(error) }
         };
         let edges = self.vertices.iter().flat_map(|v| &v.arms).filter_map(|a| a.edge);

@@ -90,7 +90,7 @@ impl Diagram {
             };
             let Some(set) = set.filter(|_| !stopped.get()) else {
                 starts.clear();
-                unknown.push(Limit::Stopped);
+                unknown.push(Limit::Interrupted);
                 break;
             };
             let open = set.continua.iter().any(|c| c.dimension > 1 || c.ends.is_empty());

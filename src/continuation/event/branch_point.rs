@@ -1,5 +1,6 @@
 //! The extended system of a simple branch point, and whether its solution is one.
 
+use crate::InputError;
 use crate::linear::{AutoSolver, Bordered, LinearError, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot, max_abs, norm};
@@ -353,9 +354,11 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
 fn found<T>(result: Result<T, LinearError>) -> Result<Option<T>, PiecewiseError> {
     match result {
         Ok(value) => Ok(Some(value)),
-        Err(LinearError::Shape { .. } | LinearError::NotAnalyzed | LinearError::NotFactored) => {
-            Ok(Some(result?))
-        }
+        Err(
+            LinearError::Input(InputError::Length { .. })
+            | LinearError::NotAnalyzed
+            | LinearError::NotFactored,
+        ) => Ok(Some(result?)),
         Err(_) => Ok(None),
     }
 }

@@ -369,7 +369,7 @@ impl Curve<'_> {
 
     /// Orientations of the co-active selections at `here`.
     pub(in crate::continuation) fn refresh_coactive(&mut self) -> Result<(), ContinuationError> {
-        if self.coactive.is_empty() || self.termination == Some(Termination::Stopped) {
+        if self.coactive.is_empty() || self.termination == Some(Termination::Interrupted) {
             return Ok(());
         }
         let (x, t) = (self.here.x.clone(), self.here.t.clone());

@@ -12,9 +12,11 @@ pub use self::list::{SolutionList, list_solutions};
 pub use self::options::SearchOptions;
 use super::start::slices;
 use super::{ContinuationError, Diagram};
+use crate::InputError;
 use crate::clock::Clock;
+use crate::input::check_vector;
 use crate::newton::{Newton, NewtonError, NewtonOptions};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, active_set, check_vector, local_index};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, active_set, local_index};
 use crate::sparse::{distance, norm};
 use crate::spread::Random;
 use crate::tolerances::SELECTIONS;
@@ -378,7 +380,9 @@ impl SolutionSearch<'_> {
             }
             // Random points may lie outside the domain.
             Err(NewtonError::Failed(_) | NewtonError::Linear(_)) => {}
-            Err(NewtonError::Map(PiecewiseError::NotFinite { .. } | PiecewiseError::Linear(_))) => {}
+            Err(NewtonError::Map(
+                PiecewiseError::Input(InputError::NotFinite { .. }) | PiecewiseError::Linear(_),
+            )) => {}
             Err(e) => return Err(e.into()),
         }
         self.report();

@@ -1,6 +1,8 @@
 use std::time::Duration;
 
-use crate::continuation::{ContinuationError, DiagramOptions};
+use crate::InputError;
+use crate::continuation::DiagramOptions;
+use crate::input::{any, check_options, positive};
 use crate::options::setters;
 
 /// Options of [`search_solutions`](super::search_solutions).
@@ -88,35 +90,15 @@ impl SearchOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`ContinuationError::Option`] names the option out of range.
-    pub fn validate(&self) -> Result<(), ContinuationError> {
+    /// [`InputError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), InputError> {
         self.diagram.validate()?;
-        let positive = |v: f64| v > 0.0 && v.is_finite();
-        let reach = self.reach.unwrap_or(1.0);
-        let checks = [
-            (
-                "spread",
-                self.spread,
-                positive(self.spread),
-                "positive and finite",
-            ),
-            ("reach", reach, positive(reach), "positive and finite"),
-            (
-                "merge_distance",
-                self.merge_distance,
-                self.merge_distance > 0.0 && self.merge_distance < 1e-2,
-                "in (0, 0.01)",
-            ),
-            (
-                "max_solutions",
-                self.max_solutions as f64,
-                self.max_solutions > 0,
-                "at least 1",
-            ),
-        ];
-        match checks.iter().find(|c| !c.2) {
-            Some(&(name, value, _, range)) => Err(ContinuationError::Option { name, value, range }),
-            None => Ok(()),
-        }
+        let merged = self.merge_distance > 0.0 && self.merge_distance < 1e-2;
+        check_options(&[
+            positive("spread", self.spread),
+            positive("reach", self.reach.unwrap_or(1.0)),
+            ("merge_distance", self.merge_distance, merged, "in (0, 0.01)"),
+            any("max_solutions", self.max_solutions as u64),
+        ])
     }
 }

@@ -69,7 +69,7 @@ impl Curve<'_> {
         self.arrive(event, 0)?;
         if event.is_none() && self.termination.is_none() {
             self.termination = Some(if ends_by_length {
-                Termination::MaxArclength
+                Termination::ArclengthLimit
             } else {
                 Termination::Unbounded
             });

@@ -4,7 +4,7 @@ use crate::continuation::engine::{Curve, State};
 use crate::continuation::event::locate::STRAY;
 use crate::continuation::event::watch::Monitor;
 use crate::continuation::point::coincidence::SAFETY;
-use crate::continuation::{ContinuationError, Event, PointKind, SmoothFold, Termination};
+use crate::continuation::{ContinuationError, Event, PointKind, Termination};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{distance, norm};
 use crate::tolerances::TANGENTIAL;
@@ -92,7 +92,7 @@ impl Curve<'_> {
                 }
                 self.here.heading = self.next.heading.map(|before| -before);
                 let point = self.point_here(PointKind::Step, corrections);
-                self.emit(Event::SmoothFold(SmoothFold { point }));
+                self.emit(Event::SmoothFold(point));
             }
             Some(Monitor::Singular) => {
                 self.here.heading = None;

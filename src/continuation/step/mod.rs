@@ -44,7 +44,7 @@ impl Curve<'_> {
                 Strategy::Switching => self.switching_step(),
             };
             if let Err(e) = stepped {
-                self.termination = Some(Termination::Stopped);
+                self.termination = Some(Termination::Interrupted);
                 return Some(Err(e));
             }
         }

@@ -1,11 +1,10 @@
 use super::TransitionSet;
 use super::transition_set::Determinants;
 use crate::continuation::Branch;
+use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError};
 use crate::newton::MoorePenrose;
-use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Scaled, Selection, check_selection, check_sizes, check_vector,
-};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, check_selection, check_sizes};
 use crate::sparse::{dot, norm};
 use crate::tolerances::{CHECKED, HALF_DIGITS, HALVINGS};
 

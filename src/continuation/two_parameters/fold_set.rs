@@ -1,9 +1,10 @@
 use std::borrow::Cow;
 
+use crate::InputError;
+use crate::input::check_vector;
 use crate::linear::{LinearError, null_space};
 use crate::piecewise::{
-    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_sizes, check_vector, gradient_of,
-    select,
+    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_sizes, gradient_of, select,
 };
 use crate::sparse::{Matrix, Pattern};
 use crate::tolerances::CENTRAL;
@@ -20,7 +21,7 @@ use crate::tolerances::CENTRAL;
 /// [typical sizes](PiecewiseSmooth::typical_sizes) of y in the family, and those of v. The set belongs to one selection: where the curve
 /// leaves its cell the fold is no longer smooth, and the curve [ends](crate::continuation::TransitionKind::End) in a point of codimension
 /// two, from which a [`TransitionSet`](crate::continuation::TransitionSet) continues it as non-smooth folds. [Smooth
-/// folds](crate::continuation::SmoothFold) of this curve are its turning points in β: cusps, and births of isolas.
+/// folds](crate::continuation::Event::SmoothFold) of this curve are its turning points in β: cusps, and births of isolas.
 ///
 /// Second derivatives are central differences of Jacobians along v.
 ///
@@ -113,11 +114,11 @@ impl<P: PiecewiseSmooth> FoldSet<P> {
         };
         let kernel = null_space(&square, rtol)?.right;
         let [v] = kernel.as_slice() else {
-            return Err(PiecewiseError::Length {
+            return Err(PiecewiseError::Input(InputError::Length {
                 what: "the kernel of ∇_yH at the fold (its dimension)",
                 expected: 1,
                 found: kernel.len(),
-            });
+            }));
         };
         let cells = (0..family.num_sites())
             .map(|site| {

@@ -1,8 +1,10 @@
 use std::borrow::Cow;
 
+use crate::InputError;
+use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
-    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_selection, check_vector, gradient_of,
+    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_selection, gradient_of,
 };
 use crate::sparse::{Matrix, Pattern};
 
@@ -102,11 +104,11 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
             (below, above)
         };
         if pieces.is_empty() {
-            return Err(PiecewiseError::Length {
+            return Err(PiecewiseError::Input(InputError::Length {
                 what: "the list of pieces bounded by the test function",
                 expected: 1,
                 found: 0,
-            });
+            }));
         }
         let kept = pieces
             .into_iter()

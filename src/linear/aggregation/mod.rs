@@ -119,7 +119,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
     /// `modes` are the near-kernel vectors.
     ///
     /// # Errors
-    /// [`LinearError::NotPositiveDefinite`]; [`LinearError::Interrupted`] once time is over.
+    /// [`LinearError::NotPositiveDefinite`]; [`LinearError::TimeLimit`] once time is over.
     pub(crate) fn new(
         a: &Symmetric<F>,
         modes: Vec<[[f64; K]; F]>,
@@ -201,7 +201,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         })
     }
 
-    /// Sets when later changes and cycles end, with [`LinearError::Interrupted`]; checked in each strip of rows.
+    /// Sets when later changes and cycles end, with [`LinearError::TimeLimit`]; checked in each strip of rows.
     pub(crate) fn set_until(&mut self, until: Until) {
         self.until = until;
         self.fine.smoother.until = until;
@@ -269,7 +269,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
             return Ok(());
         }
         let done = self.propagate(a, &changed);
-        if done == Err(LinearError::Interrupted) {
+        if done == Err(LinearError::TimeLimit) {
             self.pending = changed;
         }
         done
@@ -315,7 +315,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         }
     }
 
-    /// Overwrites b by the cycle's approximation to A⁻¹ b, zero in fixed components; [`LinearError::Interrupted`] once time is over.
+    /// Overwrites b by the cycle's approximation to A⁻¹ b, zero in fixed components; [`LinearError::TimeLimit`] once time is over.
     pub(crate) fn apply(&mut self, a: &Symmetric<F>, b: &mut [f64]) -> Result<(), LinearError> {
         let fine = &mut self.fine.smoother;
         let Some(first) = &mut self.first else {
@@ -388,7 +388,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
 /// Ends the work where parts of it ended early for lack of time.
 fn in_time(until: Until) -> Result<(), LinearError> {
     if until.is_over() {
-        return Err(LinearError::Interrupted);
+        return Err(LinearError::TimeLimit);
     }
     Ok(())
 }

@@ -313,17 +313,14 @@ fn interrupted_changes_are_carried_through() {
     let (blocks, n) = (space(&a), a.num_nodes());
     let make = |until| Aggregation::<3, 6>::new(blocks, rigid(a.points()), vec![0; n], until);
     let over = Until::after(Some(std::time::Duration::ZERO));
-    assert_eq!(make(over).err(), Some(LinearError::Interrupted));
+    assert_eq!(make(over).err(), Some(LinearError::TimeLimit));
     let (mut cycle, mut other) = (make(Until::default()).unwrap(), make(Until::default()).unwrap());
     let (first, second): (Vec<usize>, Vec<usize>) = ((0..60).collect(), (30..90).collect());
     cycle.set_until(over);
-    assert_eq!(
-        cycle.constrain(blocks, &first, &[]),
-        Err(LinearError::Interrupted)
-    );
+    assert_eq!(cycle.constrain(blocks, &first, &[]), Err(LinearError::TimeLimit));
     assert_eq!(
         cycle.apply(blocks, &mut vec![1.0; 3 * n]),
-        Err(LinearError::Interrupted)
+        Err(LinearError::TimeLimit)
     );
     cycle.set_until(Until::default());
     let image = |cycle: &mut Aggregation<3, 6>| {

@@ -14,6 +14,7 @@ use std::sync::Arc;
 use self::galerkin::Galerkin;
 pub(crate) use self::rows::{Rows, RowsRef};
 use super::LinearError;
+use crate::input::check_length;
 use crate::sparse::MatrixRef;
 
 /// Number of unknowns from which cycles take less time than sparse factors, of matrices of grids in the plane.
@@ -231,13 +232,7 @@ impl TruncatedMultigrid {
         let mut all = Vec::new();
         for (k, p) in prolongations.iter().enumerate() {
             let fine = &levels[levels.len() - 1].a;
-            if p.num_fine() != fine.nrows() {
-                return Err(LinearError::Shape {
-                    what: "the prolongation (rows)",
-                    expected: fine.nrows(),
-                    found: p.num_fine(),
-                });
-            }
+            check_length("the prolongation (rows)", p.num_fine(), fine.nrows())?;
             let mut galerkin = Galerkin::new(p);
             let next = match matrices.get(k + 1) {
                 Some(known) => known.clone(),

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use super::{Prolongation, Rows, TruncatedMultigrid, aggregation_hierarchy};
+use crate::input::check_length;
 use crate::linear::memory::{PatternMemory, check_finite};
 use crate::linear::{LinearError, Preconditioner};
 use crate::sparse::MatrixRef;
@@ -56,7 +57,7 @@ impl Preconditioner for Multigrid {
     ///
     /// # Errors
     /// [`LinearError::NotPositiveDefinite`] for a diagonal that is not positive, [`LinearError::NotFinite`], [`LinearError::NotSquare`],
-    /// [`LinearError::Shape`] for prolongations that do not fit.
+    /// [`InputError::Length`](crate::InputError::Length) for prolongations that do not fit.
     fn prepare(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
         let anew = self.pattern.learn(a.pattern)?;
         let kept = self.cycle.take().filter(|_| !anew);
@@ -82,13 +83,7 @@ impl Preconditioner for Multigrid {
 
     fn apply(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
         let cycle = self.cycle.as_mut().ok_or(LinearError::NotFactored)?;
-        if b.len() != cycle.order() {
-            return Err(LinearError::Shape {
-                what: "the right-hand side",
-                expected: cycle.order(),
-                found: b.len(),
-            });
-        }
+        check_length("the right-hand side", b.len(), cycle.order())?;
         cycle.precondition(b);
         Ok(())
     }

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use super::rows::{Rows, RowsRef};
+use crate::input::check_length;
 use crate::linear::LinearError;
 use crate::sparse::Matrix;
 
@@ -89,15 +90,9 @@ impl Prolongation {
     /// Sets b, one entry a fine unknown.
     ///
     /// # Errors
-    /// [`LinearError::Shape`] or [`LinearError::NotFinite`].
+    /// [`InputError::Length`](crate::InputError::Length) or [`LinearError::NotFinite`].
     pub fn with_offset(mut self, offset: Vec<f64>) -> Result<Self, LinearError> {
-        if offset.len() != self.num_fine() {
-            return Err(LinearError::Shape {
-                what: "the offset of the prolongation",
-                expected: self.num_fine(),
-                found: offset.len(),
-            });
-        }
+        check_length("the offset of the prolongation", offset.len(), self.num_fine())?;
         if offset.iter().any(|v| !v.is_finite()) {
             return Err(LinearError::NotFinite {
                 what: "the offset of the prolongation",

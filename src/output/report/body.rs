@@ -2,13 +2,13 @@
 
 use super::page::Page;
 use super::words::{number, of_states};
-use super::{ReportBody, ReportError, Subject};
+use super::{ReportBody, Subject};
 use crate::contact::{
     CondensedContact, ContactError, ContactSolution, ContactState, NodeLaw, UniquenessConstants,
     critical_friction,
 };
 use crate::fem::{ContactRows, ElasticSystem, von_mises_stress};
-use crate::output::{BodyPicture, SegmentStyle};
+use crate::output::{BodyPicture, OutputError, SegmentStyle};
 use crate::piecewise::Selection;
 
 /// Largest number of contact nodes for which constants of uniqueness are computed: O(p³) with a factor of some tens.
@@ -266,7 +266,7 @@ impl<'a> Figures<'a> {
         states: &[ContactState],
         displacements: &[Vec<f64>; 2],
         caption: &str,
-    ) -> Result<(), ReportError> {
+    ) -> Result<(), OutputError> {
         if self.seen.iter().any(|s| s == x) {
             return Ok(());
         }

@@ -5,11 +5,12 @@ use std::time::Duration;
 
 use super::body::Change;
 use super::words::of_list;
-use super::{Observer, Report, ReportError, ReportOptions, Subject, check_range};
+use super::{Observer, Report, ReportOptions, Subject, check_range};
 use crate::continuation::{
     Branch, Continuation, Diagram, DiagramOptions, Direction, SearchOptions, SolutionList, list_solutions,
 };
 use crate::enumeration::EnumerationOptions;
+use crate::output::OutputError;
 use crate::piecewise::{Selection, TestLayout, cell_margin};
 use crate::words::Short;
 
@@ -43,7 +44,7 @@ impl Report {
         to: f64,
         options: &ReportOptions,
         observe: Observer<'_>,
-    ) -> Result<Self, ReportError> {
+    ) -> Result<Self, OutputError> {
         options.validate()?;
         check(subject, x, options)?;
         let from = x[x.len() - 1];
@@ -60,9 +61,9 @@ impl Report {
     }
 }
 
-fn check(subject: &Subject<'_>, x: &[f64], options: &ReportOptions) -> Result<(), ReportError> {
+fn check(subject: &Subject<'_>, x: &[f64], options: &ReportOptions) -> Result<(), OutputError> {
     let (m, wrong) = (subject.map.num_vars(), |what: String| {
-        Err(ReportError::Input { what })
+        Err(OutputError::Report { what })
     });
     if subject.names.len() != m {
         return wrong(format!("{} names for {m} variables", subject.names.len()));
@@ -82,7 +83,7 @@ fn find(
     [from, to]: [f64; 2],
     options: &ReportOptions,
     observe: Observer<'_>,
-) -> Result<Found, ReportError> {
+) -> Result<Found, OutputError> {
     let range = (from.min(to), from.max(to));
     let continuation = options.continuation.clone().with_parameter_range(range);
     let continuation = continuation.with_max_time(Some(options.max_time));

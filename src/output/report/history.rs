@@ -6,13 +6,13 @@ use super::body::{Change, MOST_ROWS, OF_SOLUTION, nodes, of_solution};
 use super::page::Page;
 use super::page_of_curve::words;
 use super::words::number;
-use super::{Observer, Report, ReportError, ReportOptions, Subject};
+use super::{Observer, Report, ReportOptions, Subject};
 use crate::contact::{
     Arrival, CondensedContact, ContactSolution, ContactState, EvolutionOptions, EvolutionProgress,
     EvolutionStep, NodeLaw, evolve_observed,
 };
 use crate::continuation::Event;
-use crate::output::{BranchDiagram, Colour, Curve, Marker, Panel, SegmentStyle};
+use crate::output::{BranchDiagram, Colour, Curve, Marker, OutputError, Panel, SegmentStyle};
 use crate::words::{Count, Short};
 
 impl BranchDiagram {
@@ -58,7 +58,7 @@ pub(super) fn run<L: NodeLaw>(
     before: ContactSolution,
     levels: &[f64],
     observe: Observer<'_>,
-) -> Result<Run, ReportError> {
+) -> Result<Run, OutputError> {
     let (mut changes, mut steps) = (Vec::new(), Vec::<EvolutionStep>::new());
     for &level in levels {
         let mut passed = Vec::new();
@@ -108,7 +108,7 @@ pub(super) fn report(
     subject: &Subject<'_>,
     run: Run,
     options: &ReportOptions,
-) -> Result<Report, ReportError> {
+) -> Result<Report, OutputError> {
     let mut page = Page::default();
     summary(&mut page, &run);
     let first = run.start.last().copied().unwrap_or(f64::NAN);
@@ -252,7 +252,7 @@ fn levels(page: &mut Page, run: &Run) {
     }
 }
 
-fn pictures(page: &mut Page, subject: &Subject<'_>, run: &Run) -> Result<(), ReportError> {
+fn pictures(page: &mut Page, subject: &Subject<'_>, run: &Run) -> Result<(), OutputError> {
     let (Some(contacts), Some(mut figures)) = (subject.contacts, subject.figures()) else {
         return Ok(());
     };

@@ -14,40 +14,14 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-use thiserror::Error;
-
 use self::body::{Contacts, Figures};
 use super::OutputError;
-use crate::contact::{CondensedContact, ContactError, EvolutionStep, NodeLaw};
-use crate::continuation::{Branch, ContinuationError, ContinuationOptions, Diagram, SolutionList};
-use crate::fem::{ContactRows, ElasticSystem, FemError};
+use crate::contact::{CondensedContact, EvolutionStep, NodeLaw};
+use crate::continuation::{Branch, ContinuationOptions, Diagram, SolutionList};
+use crate::fem::{ContactRows, ElasticSystem};
 use crate::options::setters;
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::replace_file;
-
-/// Why there is no report.
-#[derive(Debug, Clone, PartialEq, Error)]
-#[non_exhaustive]
-pub enum ReportError {
-    /// The curve of solutions.
-    #[error("the curve of solutions: {0}")]
-    Curve(#[from] ContinuationError),
-    /// The contact problem.
-    #[error("the contact problem: {0}")]
-    Contact(#[from] ContactError),
-    /// Displacements or stresses of the body.
-    #[error("the body: {0}")]
-    Body(#[from] FemError),
-    /// A picture, or the file.
-    #[error(transparent)]
-    Output(#[from] OutputError),
-    /// Names, unknowns to be drawn, or a range that do not fit the problem.
-    #[error("{what}")]
-    Input {
-        /// What is wrong, and what is expected.
-        what: String,
-    },
-}
 
 /// Options of a [`Report`].
 #[derive(Debug, Clone, PartialEq)]
@@ -108,11 +82,11 @@ impl ReportOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`ReportError::Curve`] names the option of the curve out of range, [`ReportError::Input`] a load that is not finite.
-    pub fn validate(&self) -> Result<(), ReportError> {
+    /// [`OutputError::Input`] names the option of the curve out of range, [`OutputError::Report`] a load that is not finite.
+    pub fn validate(&self) -> Result<(), OutputError> {
         self.continuation.validate()?;
         match self.loads.iter().find(|load| !load.is_finite()) {
-            Some(load) => Err(ReportError::Input {
+            Some(load) => Err(OutputError::Report {
                 what: format!("the load {load} at which solutions are counted is not finite"),
             }),
             None => Ok(()),
@@ -146,7 +120,7 @@ type Observer<'a> = &'a mut dyn FnMut(&str) -> ControlFlow<()>;
 /// })?;
 /// assert_eq!(report.branch().map(|b| b.folds().len()), Some(1));
 /// assert!(report.to_html().contains("fold: the load turns back"));
-/// # Ok::<(), semismooth::output::ReportError>(())
+/// # Ok::<(), semismooth::output::OutputError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
@@ -201,7 +175,7 @@ impl Report {
         to: f64,
         options: &ReportOptions,
         mut observe: impl FnMut(&str) -> ControlFlow<()>,
-    ) -> Result<Self, ReportError> {
+    ) -> Result<Self, OutputError> {
         let subject = Subject {
             map: &map,
             pieces: &options.pieces,
@@ -223,7 +197,7 @@ impl Report {
         range: [f64; 2],
         options: &ReportOptions,
         mut observe: impl FnMut(&str) -> ControlFlow<()>,
-    ) -> Result<Self, ReportError> {
+    ) -> Result<Self, OutputError> {
         check_range(range[0], range[1])?;
         let x = problem.solve(range[0], None)?;
         Self::of_subject(&of_contacts(problem, body)?, &x, range[1], options, &mut observe)
@@ -241,10 +215,10 @@ impl Report {
         levels: &[f64],
         options: &ReportOptions,
         mut observe: impl FnMut(&str) -> ControlFlow<()>,
-    ) -> Result<Self, ReportError> {
+    ) -> Result<Self, OutputError> {
         options.validate()?;
         let &[first, _, ..] = levels else {
-            return Err(ReportError::Input {
+            return Err(OutputError::Report {
                 what: format!("{} levels; a history has at least two", levels.len()),
             });
         };
@@ -297,10 +271,10 @@ impl Report {
     }
 }
 
-fn check_range(from: f64, to: f64) -> Result<(), ReportError> {
+fn check_range(from: f64, to: f64) -> Result<(), OutputError> {
     match from.is_finite() && to.is_finite() && from != to {
         true => Ok(()),
-        false => Err(ReportError::Input {
+        false => Err(OutputError::Report {
             what: format!("the parameter goes from {from} to {to}; two different finite values are wanted"),
         }),
     }
@@ -309,12 +283,12 @@ fn check_range(from: f64, to: f64) -> Result<(), ReportError> {
 fn of_contacts<'a, L: NodeLaw>(
     problem: &'a CondensedContact<L>,
     body: Option<ReportBody<'a>>,
-) -> Result<Subject<'a>, ReportError> {
+) -> Result<Subject<'a>, OutputError> {
     let (p, d) = (problem.num_contacts(), problem.body().num_tangents());
     if let Some((_, rows)) = body
         && rows.nodes.len() != p
     {
-        return Err(ReportError::Input {
+        return Err(OutputError::Report {
             what: format!("the body has {} contact nodes, the problem {p}", rows.nodes.len()),
         });
     }

@@ -5,7 +5,7 @@ use super::curve::Found;
 use super::events::Happening;
 use super::page::Page;
 use super::words::number;
-use super::{ReportError, ReportOptions, Subject};
+use super::{ReportOptions, Subject};
 use crate::contact::ContactState;
 use crate::continuation::{BranchVertex, Termination};
 use crate::output::{BranchDiagram, Curve, Marker, OutputError, Panel, SegmentStyle};
@@ -27,7 +27,7 @@ pub(super) fn write(
     subject: &Subject<'_>,
     found: &Found,
     options: &ReportOptions,
-) -> Result<String, ReportError> {
+) -> Result<String, OutputError> {
     let view = View::new(subject, found, options);
     let mut page = Page::default();
     view.summary(&mut page);
@@ -238,7 +238,7 @@ impl<'a> View<'a> {
         self.drawn.iter().map(one).collect()
     }
 
-    fn picture(&self, page: &mut Page) -> Result<(), ReportError> {
+    fn picture(&self, page: &mut Page) -> Result<(), OutputError> {
         page.section("The curve of solutions");
         let style: Style<'_> = match self.subject.contacts {
             Some(contacts) => {
@@ -271,7 +271,7 @@ impl<'a> View<'a> {
                 Ok(svg) => figures.push((svg, caption.to_owned())),
                 // A curve of one point, or numbers beyond what can be drawn.
                 Err(OutputError::Empty { .. } | OutputError::NotDrawable { .. }) => {}
-                Err(e) => return Err(e.into()),
+                Err(e) => return Err(e),
             }
         }
         page.figures(&figures);
@@ -348,7 +348,7 @@ impl<'a> View<'a> {
         page.list(&items);
     }
 
-    fn copy(&self, page: &mut Page) -> Result<(), ReportError> {
+    fn copy(&self, page: &mut Page) -> Result<(), OutputError> {
         let kept = thinned(&self.vertices, MOST_COPIED);
         let n = self.subject.map.num_residuals();
         let exact = |v: f64| format!("{v:?}");

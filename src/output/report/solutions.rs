@@ -1,12 +1,12 @@
 //! The solutions of a report: lists at loads, contact nodes, forces and energies, pictures.
 
-use super::ReportError;
 use super::body::{self, MOST_PICTURES, MOST_ROWS, OF_SOLUTION, of_solution};
 use super::curve::{nearest_kink, solutions};
 use super::page::Page;
 use super::page_of_curve::{View, described, thinned};
 use super::words::{number, size};
 use crate::continuation::BranchVertex;
+use crate::output::OutputError;
 use crate::piecewise::Selection;
 
 /// Solutions listed at one load.
@@ -26,7 +26,7 @@ impl View<'_> {
         word.to_owned()
     }
 
-    pub(super) fn numbers(&self, page: &mut Page) -> Result<(), ReportError> {
+    pub(super) fn numbers(&self, page: &mut Page) -> Result<(), OutputError> {
         page.section("Numbers of solutions, and distances to the nearest kink");
         let verdicts = self.found.verdicts();
         let mut rows: Vec<Vec<String>> = verdicts
@@ -89,7 +89,7 @@ impl View<'_> {
         load: f64,
         x: &[f64],
         selection: Option<&Selection>,
-    ) -> Result<Vec<String>, ReportError> {
+    ) -> Result<Vec<String>, OutputError> {
         let largest = size(x);
         let mut row = vec![number(load, 0.0)];
         match self.subject.contacts {
@@ -106,7 +106,7 @@ impl View<'_> {
         Ok(row)
     }
 
-    pub(super) fn contacts(&self, page: &mut Page) -> Result<(), ReportError> {
+    pub(super) fn contacts(&self, page: &mut Page) -> Result<(), OutputError> {
         let (Some(contacts), Some([first, last])) = (self.subject.contacts, self.ends()) else {
             return Ok(());
         };
@@ -139,7 +139,7 @@ impl View<'_> {
         self.bodies(page)
     }
 
-    fn bodies(&self, page: &mut Page) -> Result<(), ReportError> {
+    fn bodies(&self, page: &mut Page) -> Result<(), OutputError> {
         let (Some(contacts), Some(mut figures)) = (self.subject.contacts, self.subject.figures()) else {
             return Ok(());
         };

@@ -2,9 +2,10 @@
 
 use super::derivatives::Quotients;
 use super::session::steps;
-use super::{CheckError, CheckOptions, Finding, FindingKind, SemismoothReport};
-use crate::piecewise::error::check_vector;
-use crate::piecewise::{PiecewiseError, Semismooth};
+use super::{CheckError, CheckOptions, Finding, FindingKind};
+use crate::InputError;
+use crate::input::check_vector;
+use crate::piecewise::Semismooth;
 use crate::sparse::Matrix;
 use crate::spread::Random;
 use crate::tolerances::CENTRAL;
@@ -27,7 +28,7 @@ pub(super) fn check_map(
     map: &dyn Semismooth,
     samples: &[Vec<f64>],
     options: &CheckOptions,
-) -> Result<SemismoothReport, CheckError> {
+) -> Result<Vec<Option<f64>>, CheckError> {
     options.validate()?;
     let n = map.num_vars();
     for (point, x) in samples.iter().enumerate() {
@@ -38,7 +39,7 @@ pub(super) fn check_map(
     }
     let pattern = map.pattern();
     if (pattern.nrows(), pattern.ncols()) != (n, n) {
-        let source = PiecewiseError::Length {
+        let source = InputError::Length {
             what: "the declared pattern (rows times columns)",
             expected: n * n,
             found: pattern.nrows() * pattern.ncols(),
@@ -52,17 +53,15 @@ pub(super) fn check_map(
         jac: Matrix::zeros(pattern),
         findings: Vec::new(),
     };
-    let mut report = SemismoothReport::default();
+    let mut orders = Vec::new();
     for (point, x) in samples.iter().enumerate() {
-        let order = check.point(point, x);
-        report.points += 1;
-        report.orders.push(order);
+        orders.push(check.point(point, x));
         if check.findings.len() >= options.max_findings {
             break;
         }
     }
     match check.findings.is_empty() {
-        true => Ok(report),
+        true => Ok(orders),
         false => Err(CheckError::Findings(check.findings)),
     }
 }

@@ -1,16 +1,18 @@
 use std::time::Duration;
 
+use semismooth::InputError;
 use semismooth::contact::{
     CondensedContact, ContactError, FrictionCoefficient, LoadPath, OrthotropicCoulomb, PlanarCoulomb,
     ReducedBody, ReducedContact, ReducedError, ReducedNodes, ReducedOptions, ReducedStep, ReducedSystem,
     solve_reduced, solve_reduced_observed,
 };
-use semismooth::sparse::{Matrix, NodalMatrix, SparseError};
+use semismooth::run::Status;
+use semismooth::sparse::{Matrix, NodalMatrix};
 
 use super::{law, load, normal, stiffness, tangential};
 use crate::table::{BAD, Table, rows};
 
-fn nodal(a: &Matrix) -> Result<NodalMatrix, SparseError> {
+fn nodal(a: &Matrix) -> Result<NodalMatrix, InputError> {
     NodalMatrix::new(a, vec![[0.0; 3]], &[[0, 0], [0, 1]], 2)
 }
 
@@ -26,19 +28,19 @@ fn problem(options: ReducedOptions) -> Result<ReducedContact<PlanarCoulomb>, Con
 struct Unit(usize, bool);
 
 impl ReducedSystem for Unit {
-    type Error = SparseError;
+    type Error = InputError;
 
     fn len(&self) -> usize {
         self.0
     }
 
-    fn mul(&mut self, u: &[f64], out: &mut [f64]) -> Result<(), SparseError> {
+    fn mul(&mut self, u: &[f64], out: &mut [f64]) -> Result<(), InputError> {
         out.copy_from_slice(u);
         Ok(())
     }
 
-    fn select(&mut self, _: &ReducedStep<'_>) -> Result<(), SparseError> {
-        Err(SparseError::Malformed { what: "lost".into() })
+    fn select(&mut self, _: &ReducedStep<'_>) -> Result<(), InputError> {
+        Err(InputError::Malformed { what: "lost".into() })
     }
 
     fn solve(
@@ -46,15 +48,15 @@ impl ReducedSystem for Unit {
         _: &[f64],
         _: &mut [f64],
         _: f64,
-    ) -> Result<semismooth::contact::KrylovOutcome, SparseError> {
-        Err(SparseError::Malformed { what: "lost".into() })
+    ) -> Result<semismooth::linear::KrylovReport, InputError> {
+        Err(InputError::Malformed { what: "lost".into() })
     }
 
-    fn sum(&self, _: &mut [f64]) -> Result<(), SparseError> {
+    fn sum(&self, _: &mut [f64]) -> Result<(), InputError> {
         Ok(())
     }
 
-    fn max(&self, values: &mut [f64]) -> Result<(), SparseError> {
+    fn max(&self, values: &mut [f64]) -> Result<(), InputError> {
         if self.1 {
             values.iter_mut().for_each(|v| *v = v.max(1.0));
         }
@@ -127,7 +129,7 @@ pub(super) fn displacements(t: &mut Table) {
         matches!(
             error,
             ReducedError::System {
-                source: SparseError::Malformed { .. },
+                source: InputError::Malformed { .. },
                 ..
             }
         )
@@ -138,7 +140,10 @@ pub(super) fn displacements(t: &mut Table) {
     });
     t.holds(solve, "what this process has found is said before that", || {
         let error = with(true, &[1.0; 2], &[0], &[], vec![0.0; 2]).unwrap_err();
-        matches!(error, ReducedError::Contact(ContactError::Length { .. }))
+        matches!(
+            error,
+            ReducedError::Contact(ContactError::Input(InputError::Length { .. }))
+        )
     });
     t.exempt(
         &[
@@ -362,7 +367,9 @@ fn problems(t: &mut Table) {
         || {
             let mut solver = problem(o().with_max_time(Some(Duration::ZERO))).unwrap();
             match solver.solve(10.0, None) {
-                Err(ContactError::Interrupted { best }) => best.displacements == [0.0, 0.0],
+                Err(ContactError::NotConverged { best }) => {
+                    best.displacements == [0.0, 0.0] && best.status == Status::TimeLimit
+                }
                 _ => false,
             }
         },

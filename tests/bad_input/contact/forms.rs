@@ -117,7 +117,7 @@ pub(super) fn contacts(t: &mut Table) {
     let start = c.solve(0.0, None).unwrap();
     for bad in BAD {
         let x = vec![bad; m];
-        t.refuses("interface::Interface::traces", "x", "entry 0", || c.traces(&x));
+        t.refuses("interface::Interface::traces", "x", "[0]", || c.traces(&x));
         t.refuses("contact::Contact::displacements", "x", "[0]", || {
             c.displacements(&x)
         });
@@ -153,7 +153,7 @@ pub(super) fn contacts(t: &mut Table) {
         t.refuses("contact::Contact::set_reference_slip", "slip", "slip", || {
             full().set_reference_slip(&[bad])
         });
-        t.refuses("interface::Interface::restrict", "x", "entry 0", || {
+        t.refuses("interface::Interface::restrict", "x", "[0]", || {
             f.restrict(&vec![bad; n])
         });
         t.refuses("contact::Contact::solution", "x", "[0]", || {

@@ -89,10 +89,10 @@ pub(super) fn planar_problems(t: &mut Table) {
             || problem().with_second_parameter(vec![bad, 0.0], law(0.3)),
         );
 
-        t.refuses("interface::Interface::expand", "x", "entry 0", || {
+        t.refuses("interface::Interface::expand", "x", "[0]", || {
             reduced().expand(&[bad, 0.0, 0.0])
         });
-        t.refuses("interface::Interface::restrict", "x", "entry 0", || {
+        t.refuses("interface::Interface::restrict", "x", "[0]", || {
             reduced().restrict(&[bad, 0.0, 0.0, 0.0, 0.0])
         });
         t.survives("contact::Contact::solution", "x", || {
@@ -107,7 +107,7 @@ pub(super) fn planar_problems(t: &mut Table) {
         t.survives("contact::FullContact::friction_at", "alpha", || {
             problem().friction_at(bad)
         });
-        t.refuses("interface::Interface::load_at", "alpha", "entry 0", || {
+        t.refuses("interface::Interface::load_at", "alpha", "[0]", || {
             problem().load_at(&[bad])
         });
     }

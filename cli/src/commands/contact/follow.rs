@@ -79,7 +79,7 @@ pub(super) fn run<L: NodeLaw>(
         let pictures = case.arguments.pictures("curve").join(", ");
         writeln!(out, "written to {}: curve.csv, {pictures}", case.folder.display())?;
     }
-    if interrupted && branch.termination == Termination::Stopped {
+    if interrupted && branch.termination == Termination::Interrupted {
         let alpha = branch.points.last().map_or(from, |p| p.parameter());
         return Err(CommandError::Interrupted(format!("at α = {alpha}")));
     }

@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 
+use semismooth::InputError;
 use semismooth::contact::{CondensedContact, ContactBody, ContactSolution, LoadPath};
-use semismooth::sparse::{Matrix, SparseError, read_matrix_market, read_substructure, read_vector};
+use semismooth::sparse::{Matrix, read_matrix_market, read_substructure, read_vector};
 use toml::Spanned;
 
 use super::input::{MatricesInput, Route};
@@ -121,7 +122,7 @@ impl RunFile {
 }
 
 /// A Matrix Market file, which begins with two percent signs, or a substructure.
-fn stiffness(path: &Path) -> Result<Matrix, SparseError> {
+fn stiffness(path: &Path) -> Result<Matrix, InputError> {
     let mut first = String::new();
     let opened = std::fs::File::open(path).map(BufReader::new);
     // Errors come again, with their words, where the file is read.

@@ -52,7 +52,7 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
         let pictures = case.arguments.pictures("curve").join(", ");
         writeln!(out, "written to {}: curve.csv, {pictures}", case.folder.display())?;
     }
-    if interrupted && branch.termination == Termination::Stopped {
+    if interrupted && branch.termination == Termination::Interrupted {
         let alpha = branch.points.last().map_or(from, |p| p.parameter());
         return Err(CommandError::Interrupted(format!("at {name} = {alpha}")));
     }

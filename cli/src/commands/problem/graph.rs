@@ -22,7 +22,7 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     let diagram = explore(case, &options, &progress);
     drop(progress);
     let diagram = diagram?;
-    let stopped = |c: &DiagramCompleteness| matches!(c, DiagramCompleteness::Limited(list) if list.contains(&Limit::Stopped));
+    let stopped = |c: &DiagramCompleteness| matches!(c, DiagramCompleteness::Limited(list) if list.contains(&Limit::Interrupted));
     tell(case, &diagram, out)?;
     let interrupted = || CommandError::Interrupted("before the diagram was complete".to_owned());
     if diagram.edges().is_empty() && stopped(diagram.completeness()) {

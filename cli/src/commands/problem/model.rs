@@ -90,7 +90,7 @@ impl RunFile {
     fn friction(&self, folder: &toml::Spanned<String>) -> Result<Problem, CommandError> {
         let read = read_folder(self.relative(folder.get_ref()));
         let map = read
-            .and_then(|folder| Ok(folder.problem.condensed()?))
+            .and_then(|folder| Ok(folder.condensed()?))
             .map_err(|e| self.wrong(folder, "problem.folder", e))?;
         let p = map.num_contacts();
         let numbered = |name: &str| (0..p).map(|i| format!("{name} {i}")).collect::<Vec<_>>();
