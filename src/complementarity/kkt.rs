@@ -134,7 +134,7 @@ pub fn kkt<P: Program>(
     kinds: &[ConstraintKind],
     mut lower: Vec<f64>,
     mut upper: Vec<f64>,
-) -> Result<Mcp<impl McpFunction>, ComplementarityError> {
+) -> Result<Mcp<impl McpFunction + use<P>>, ComplementarityError> {
     let (n, m) = (program.num_vars(), program.num_constraints());
     let (hessian, constraints) = (program.hessian_pattern(), program.constraint_pattern());
     let lengths = [

@@ -68,7 +68,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         options,
     )?;
     for fold in &branch.smooth_folds {
-        println!("  smooth fold at α = {:.4}", fold.point.parameter().abs());
+        println!("  smooth fold at α = {:.4}", fold.parameter().abs());
     }
     for t in &branch.transitions {
         println!("  {} at α = {:.4}", t.kind, t.parameter());
