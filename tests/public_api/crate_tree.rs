@@ -126,10 +126,7 @@ impl Crate {
                         macros.insert(name.to_string(), item);
                     }
                     None => {
-                        let expanded = self.expand_call(&macros, &item.mac);
-                        module
-                            .items
-                            .extend(syn::parse2::<syn::File>(expanded).unwrap().items);
+                        self.expand_items(&macros, &item.mac, &mut module.items);
                     }
                 },
                 Item::Impl(mut item) => {
@@ -156,12 +153,23 @@ impl Crate {
         self.modules.insert(path, module);
     }
 
+    /// Adds the items that a call writes, those of calls in its expansion included.
+    fn expand_items(&self, macros: &BTreeMap<String, ItemMacro>, call: &syn::Macro, items: &mut Vec<Item>) {
+        let expanded = self.expand_call(macros, call);
+        for item in syn::parse2::<syn::File>(expanded).unwrap().items {
+            match item {
+                Item::Macro(inner) if inner.ident.is_none() => self.expand_items(macros, &inner.mac, items),
+                other => items.push(other),
+            }
+        }
+    }
+
     fn expand_call(
         &self,
         macros: &BTreeMap<String, ItemMacro>,
         call: &syn::Macro,
     ) -> proc_macro2::TokenStream {
-        let name = text(&call.path);
+        let name = call.path.segments.last().unwrap().ident.to_string();
         if name == "thread_local" && !call.tokens.to_string().contains("pub") {
             // The one macro of the standard library that writes items, none of them public here.
             return proc_macro2::TokenStream::new();

@@ -1,4 +1,4 @@
-//! Enough of `macro_rules` to see the items that macros of this crate write: one rule, any fragments and repetitions.
+//! Enough of `macro_rules` to see the items that macros of this crate write: several rules, any fragments and repetitions.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -26,18 +26,28 @@ enum Pattern {
     },
 }
 
-/// The expansion of the macro with the given rules (the body of its `macro_rules`) on `input`.
+/// The expansion of the macro with the given rules (the body of its `macro_rules`) on `input`: by the first rule that matches it.
 pub(crate) fn expand(rules: TokenStream, input: TokenStream) -> syn::Result<TokenStream> {
     let mut rules = rules.into_iter();
-    let (Some(TokenTree::Group(matcher)), _, _, Some(TokenTree::Group(body))) =
-        (rules.next(), rules.next(), rules.next(), rules.next())
-    else {
-        return Err(syn::Error::new(proc_macro2::Span::call_site(), "not a rule"));
-    };
-    let patterns = patterns(matcher.stream());
-    let mut bindings = Bindings::new();
-    (|input: ParseStream<'_>| matches(&patterns, input, &mut bindings)).parse2(input)?;
-    Ok(transcribe(body.stream(), &bindings))
+    let mut found = Err(syn::Error::new(proc_macro2::Span::call_site(), "not a rule"));
+    // A rule is followed by a semicolon, which the last one may lack.
+    while let (Some(TokenTree::Group(matcher)), _, _, Some(TokenTree::Group(body)), _) = (
+        rules.next(),
+        rules.next(),
+        rules.next(),
+        rules.next(),
+        rules.next(),
+    ) {
+        let patterns = patterns(matcher.stream());
+        let mut bindings = Bindings::new();
+        found = (|input: ParseStream<'_>| matches(&patterns, input, &mut bindings))
+            .parse2(input.clone())
+            .map(|()| transcribe(body.stream(), &bindings));
+        if found.is_ok() {
+            break;
+        }
+    }
+    found
 }
 
 fn is_punct(token: Option<&TokenTree>, c: char) -> bool {
@@ -179,6 +189,7 @@ fn transcribe(stream: TokenStream, bindings: &Bindings) -> TokenStream {
                 }
                 Some(name) => match bindings.get(&name.to_string()) {
                     Some(Binding::One(tokens)) => out.extend(tokens.clone()),
+                    None if name.to_string() == "crate" => out.extend([name]),
                     _ => panic!("{name} is not bound here"),
                 },
                 None => {}

@@ -83,6 +83,11 @@ fn the_list_follows_modules_uses_and_macros() {
             } }
             make! { /// Made.
                 Made(x: f64, y: &'static [usize]) }
+            macro_rules! each {
+                (@one $name:ident) => { pub struct $name; };
+                ($($name:ident)*) => { $($crate::a::each!(@one $name);)* };
+            }
+            each! { One }
             #[derive(Debug, Clone)]
             pub struct Renamed { pub shown: Vec<f64>, hidden: u8 }
             pub struct Unreachable;
@@ -96,7 +101,7 @@ fn the_list_follows_modules_uses_and_macros() {
             pub fn test_only() {}
         }
         pub mod b {
-            pub use super::a::{Law, Made};
+            pub use super::a::{Law, Made, One};
             pub use crate::a::Renamed as Known;
             pub(crate) fn hidden() {}
             #[cfg(feature = "json")]
@@ -127,6 +132,7 @@ fn the_list_follows_modules_uses_and_macros() {
         "b::Made.0: f64",
         "b::Made.1: &'static [usize]",
         "b::Made::new: fn new(x: f64, y: &'static [usize]) -> Self",
+        "b::One: struct One",
         "b::free: [feature = \"json\"] fn free<T: Law>(x: &mut [T], f: impl Fn(f64) -> Result<(), Error>) -> Option<usize>",
         "prelude: mod",
         "prelude::Known: use b::Known",

@@ -165,7 +165,7 @@ impl Neg for Expression<'_> {
     }
 }
 
-macro_rules! operators {
+macro_rules! expression_operators {
     ($($operator:ident $method:ident $assign:ident $assigned:ident),*) => {
         $(
             impl<'a> $operator for Expression<'a> {
@@ -194,7 +194,7 @@ macro_rules! operators {
         )*
     };
 }
-operators!(Add add AddAssign add_assign, Sub sub SubAssign sub_assign, Mul mul MulAssign mul_assign, Div div DivAssign div_assign);
+expression_operators!(Add add AddAssign add_assign, Sub sub SubAssign sub_assign, Mul mul MulAssign mul_assign, Div div DivAssign div_assign);
 
 impl<'a> Sum for Expression<'a> {
     fn sum<I: Iterator<Item = Self>>(items: I) -> Self {
