@@ -277,21 +277,22 @@ fn where_newton_cycles() {
 }
 
 /// Where a path winds, following it longer does not help: it is cut off, and Newton's method finds the solution from the point of the path
-/// at which the body is lowered furthest, or from a path with another order of touching nodes.
+/// at which the body is lowered furthest, or from a path with another order of touching nodes. (In full form increments of the load solve the
+/// problem before.)
 #[test]
 fn paths_that_wind_are_cut_off() {
     for points in [125, 250] {
         let found = problem_within(&ContactOptions::default().with_max_points(points), 189);
-        assert_eq!(found, [ContactStrategy::Path; 2]);
+        assert_eq!(found[1], ContactStrategy::Path);
     }
 }
 
-/// In the first problem, paths with another order of touching nodes are short; in the second all are long, the first one has 4220 points.
+/// In the first problem, in condensed form, paths with another order of touching nodes are short; in the second all are long, the first one
+/// has 4220 points.
 #[test]
 fn paths_that_wind_lead_to_solutions() {
-    for seed in [189, 2_247_245_699_728_832_447] {
-        assert_eq!(problem(seed), [ContactStrategy::Path; 2]);
-    }
+    assert_eq!(problem(189)[1], ContactStrategy::Path);
+    assert_eq!(problem(2_247_245_699_728_832_447), [ContactStrategy::Path; 2]);
 }
 
 /// A coefficient of friction that rises within a thousandth of the slips: the path of the lowered body bends within lengths of 1e-9, which
