@@ -127,14 +127,14 @@ fn misuse_is_named() {
             &lcp,
             plain.clone(),
             vec![1.0, f64::NAN],
-            "the start x[1] is not finite",
+            "the start x[1] = NaN is not finite",
         ),
         (
             "inf",
             &lcp,
             plain.clone(),
             vec![f64::INFINITY, 0.0],
-            "the start x[0] is not finite",
+            "the start x[0] = inf is not finite",
         ),
         (
             "short",
