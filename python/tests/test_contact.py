@@ -479,7 +479,7 @@ TRIANGLE = [[0, 0], [1, 0], [0, 1]]
         (lambda: LARGE.solve(max_memory=1), "bytes would be needed"),
         (lambda: LARGE.solve(start=[0.0]), "length 1"),
         (lambda: LARGE.at([0.0]), "length 1"),
-        (lambda: LARGE.solve(1.0, max_time=0.0), "time limit"),
+        (lambda: LARGE.solve(1.0, max_time=0.0), "limit on time"),
         (lambda: ss.evolve(LARGE, LARGE.solve(), [0.5], callback=lambda s: LARGE.solve()), "one thing at a time"),
         (lambda: ss.Body(BODY.mesh, ss.Material(1, 0.3), supports={"roof": 0.0}), "roof"),
         (lambda: ss.Body(BODY.mesh, ss.Material(1, 0.3), supports={"top": [0.0]}), "2 components"),

@@ -42,8 +42,8 @@ pub(super) fn told_apart(map: &dyn PiecewiseSmooth, normal: &[f64], places: [Pla
         let Some(rounding) = corrector.rounding_of(&direction, y, normal) else {
             return false;
         };
-        let bits: f64 = direction.iter().zip(y).map(|(d, y)| (d * y).abs()).sum();
-        error += SAFETY * (rounding + f64::EPSILON * bits);
+        // Corrections are solved for relative to the whole point, not entry by entry.
+        error += SAFETY * (rounding + f64::EPSILON * norm(y));
     }
     apart > error
 }
