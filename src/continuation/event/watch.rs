@@ -233,7 +233,9 @@ impl Curve<'_> {
         let Some(rounding) = self.corrector.rounding_of(&along, x, t) else {
             return Ok(None);
         };
-        let error = SAFETY * (rounding + f64::EPSILON * x[last].abs());
+        // At a bound of 0 numbers near it have all digits; the range says how many count.
+        let range = Some(upper - lower).filter(|width| width.is_finite());
+        let error = SAFETY * (rounding + f64::EPSILON * x[last].abs().max(range.unwrap_or(0.0)));
         Ok(within(x[last], error))
     }
 
