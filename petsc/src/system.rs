@@ -162,7 +162,11 @@ impl<'w> System<'w> {
         self.constrained.iter().for_each(|k| d[*k] = 0.0);
         let residual = solved.residual / size;
         let met = residual <= tolerance;
-        let status = if met { Status::Solved } else { Status::IterationLimit };
+        let status = if met {
+            Status::Solved
+        } else {
+            Status::IterationLimit
+        };
         Ok(KrylovReport::new(status, solved.iterations, residual))
     }
 }
