@@ -306,10 +306,17 @@ fn a_bound_that_is_touched_is_not_left() {
             out[0] = x[0] * x[0] * x[0] - x[2] * x[0] + x[1];
         }
     }
-    for largest in [0.05, 0.1, 0.3] {
+    for (largest, targets) in [
+        (0.05, vec![]),
+        (0.1, vec![]),
+        (0.3, vec![]),
+        (0.1, vec![0.75]),
+        (0.1, vec![0.5, 1.25]),
+    ] {
         let (folds, start) = FoldSet::new(Traced::new(Cusp), &[1.0, 2.0, 3.0]).unwrap();
         let options = ContinuationOptions::default()
             .with_parameter_range((0.0, 3.0))
+            .with_targets(targets)
             .with_max_step(largest);
         let curve = Branch::follow(&folds, &start, Direction::Decreasing, options).unwrap();
         let end = folds.family_point(&curve.points.last().unwrap().x);

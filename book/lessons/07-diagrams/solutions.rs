@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // At b = 3 the folds lie at y = ±1, a = ±2.
     let (folds, start) = FoldSet::new(Traced::new(Cusp), &[1.0, 2.0, 3.0])?;
     let options = ContinuationOptions::default()
-        .with_parameter_range((-1.0, 3.0))
+        .with_parameter_range((0.0, 3.0))
         .with_targets(vec![0.75])
         .with_max_step(0.1);
     let curve = Branch::follow(&folds, &start, Direction::Decreasing, options)?;

@@ -217,17 +217,20 @@ impl Curve<'_> {
                 let x = &self.next.x;
                 return Ok(within(x[x.len() - 1], LOCATED * (1.0 + norm(x))));
             }
-            Some(Monitor::Fold | Monitor::Facet { .. }) => {}
+            // α stands still there, as far as derivatives tell.
+            Some(Monitor::Fold) => {}
+            Some(Monitor::Facet { .. }) => {
+                let next = std::mem::take(&mut self.next);
+                let rate = self.rate_of_parameter(&next);
+                self.next = next;
+                if rate?.is_none_or(|(rate, rounding)| rate.abs() > rounding) {
+                    return Ok(None);
+                }
+            }
             _ => return Ok(None),
         }
-        let next = std::mem::take(&mut self.next);
-        let rate = self.rate_of_parameter(&next);
-        self.next = next;
         let (x, t) = (&self.next.x, &self.next.t);
         let last = x.len() - 1;
-        if rate?.is_none_or(|(rate, rounding)| rate.abs() > rounding) {
-            return Ok(None);
-        }
         let mut along = vec![0.0; x.len()];
         along[last] = 1.0;
         let Some(rounding) = self.corrector.rounding_of(&along, x, t) else {
