@@ -12,10 +12,10 @@ use semismooth::continuation::{self as core, Continuation, ContinuationOptions, 
 use semismooth::piecewise::PiecewiseSmooth;
 
 use crate::arrays::{bound, counted, rows, vector};
-use crate::complementarity::Derivative;
 use crate::contact::{ContactProblem, point};
 use crate::errors::{Run, raised};
 use crate::events::{BranchPoint, Crossing, Fold, Transition, tangents};
+use crate::functions::Derivative;
 use crate::map::{Map, map_of};
 use crate::names::{Names, variables};
 use crate::saving::{data, data_of, field, state_of};

@@ -14,6 +14,7 @@ mod expressions;
 mod fields;
 mod foundation;
 mod friction;
+mod functions;
 mod given;
 mod laws;
 mod lists;

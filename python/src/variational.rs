@@ -12,8 +12,9 @@ use semismooth::sparse::Matrix;
 use semismooth::variational::{Polyhedron, Vi, ViSolver};
 
 use crate::arrays::{bound, matrix, python, start, vector};
-use crate::complementarity::{Derivative, observed};
+use crate::complementarity::observed;
 use crate::errors::{Run, raised};
+use crate::functions::Derivative;
 use crate::names::size;
 
 /// How a variational inequality was solved, or not.
