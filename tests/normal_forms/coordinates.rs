@@ -87,6 +87,11 @@ impl Embedded {
         }
     }
 
+    /// Whether it is in the coordinates of the normal form itself.
+    pub fn is_plain(&self) -> bool {
+        self.mirror.iter().all(|v| *v == 0.0)
+    }
+
     /// One of ten is plain, two are affine, the others are curved.
     pub fn random(core: Core, random: &mut Random) -> Self {
         let k = core.unknowns();

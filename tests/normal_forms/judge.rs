@@ -318,7 +318,13 @@ impl<'a> Member<'a> {
     fn judge_vertex(&mut self) {
         let limits = options(self.inner.alpha_unit, (f64::NEG_INFINITY, f64::INFINITY), 1.0);
         match local(&self.map, &self.vertex, &limits) {
-            Ok(answer) => self.judge_point("at the vertex", &answer, |_| true, false),
+            Ok(answer) => {
+                let what = format!(
+                    "at the vertex {:?}, α in units of {}",
+                    self.vertex, self.inner.alpha_unit
+                );
+                self.judge_point(&what, &answer, |_| true, false);
+            }
             Err(refusal) => self.refused("at the vertex", refusal),
         }
     }
@@ -409,8 +415,11 @@ impl<'a> Member<'a> {
 /// Examines the vertex of a member in units that the map does not tell.
 pub fn examine_in_untold_units(entry: &Entry, random: &mut Random) -> Findings {
     let mut inner = Embedded::random(entry.core.clone(), random);
-    inner.unit = [1e8, 1e-8, 1.0][random.below(3)];
-    inner.alpha_unit = [1e8, 1e-8, 1.0][random.below(3)];
+    // In its own coordinates a point is at 0, and nothing there tells in which units it is.
+    if !inner.is_plain() {
+        inner.unit = [1e8, 1e-8, 1.0][random.below(3)];
+        inner.alpha_unit = [1e8, 1e-8, 1.0][random.below(3)];
+    }
     inner.declared = false;
     let mut member = Member::new(entry, inner);
     if entry.vertex {

@@ -5,11 +5,10 @@ use std::cell::Cell;
 
 use super::arc::{Arc, Value};
 use super::search::RANK;
-use super::units::{changes, row_sizes};
-use crate::judge::equilibrate;
+use super::units::{changes, own_sizes, power, row_sizes, sizes};
 use crate::linear::{Decomposition, decompose};
 use crate::piecewise::expansion::{Exactness, TERMS, along};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
 use crate::sparse::{Matrix, dot, norm};
 use crate::spread::centred;
 
@@ -18,11 +17,11 @@ use crate::spread::centred;
 const SAFETY: f64 = 64.0;
 /// Displacement, in balanced units, over which the change of a row of the Jacobian is its size where the row itself vanishes.
 const APART: f64 = 1.0 / 1024.0;
-/// Share of the balanced size of a variable below which its value is a rounding error of 0: 2⁻³⁰ leaves room for units that are 10⁸ apart,
-/// and is far above rounding of points of ordinary size.
-const NOTHING: f64 = 1.0 / 1_073_741_824.0;
 /// Number of points beside the given one from which everything is computed again.
 const BESIDE: usize = 2;
+/// Times that sizes are found from changes of the Jacobian over the sizes before: where only a square tells the size of a variable that is 0,
+/// each time takes three of four digits by which it is off, and numbers have 308.
+const PASSES: usize = 8;
 
 /// Highest order of the coefficients.
 pub(super) const ORDER: usize = TERMS - 1;
@@ -35,8 +34,10 @@ pub(super) struct Frame<'a> {
     pub(super) vanishing: &'a [usize],
     /// Number of all test functions.
     pub(super) tests: usize,
-    /// How far x may be off, beyond rounding.
-    pub(super) off: f64,
+    /// They with their gradients; as far as the facets that meet here are from x, x is from the point where they meet.
+    pub(super) met: &'a [Vanishing],
+    /// Values of all test functions.
+    pub(super) theta: &'a [f64],
 }
 
 /// The map of a selection near a point.
@@ -82,13 +83,33 @@ impl<'a> Extension<'a> {
             }
         };
         at(x, &mut jac)?;
-        // By its own size, where a variable is far from 0 in its unit: rounding beside it is no size of its entries.
-        let away = x.iter().enumerate();
-        let away = away.map(|(j, x)| x + x.abs().max(1.0) * centred(j + 1, false));
-        let away: Vec<f64> = away.collect();
-        let mut there = jac.clone();
-        at(&away, &mut there)?;
-        let units = units(&jac, &changes(&jac, [&there, &jac], 1.0), x);
+        let (mut units, mut there) = (own_sizes(x), jac.clone());
+        let mut settled = false;
+        for _ in 0..PASSES {
+            let away = x.iter().zip(&units).enumerate();
+            let away: Vec<f64> = away
+                .map(|(j, (x, unit))| x + unit * centred(j + 1, false))
+                .collect();
+            at(&away, &mut there)?;
+            // Halfway, in digits: sizes that only a cube or a higher power tells would swing about it.
+            let next = sizes(&jac, changes(&jac, [&there, &jac], 1.0), x, &units).into_iter();
+            let next: Vec<f64> = next
+                .zip(&units)
+                .map(|(a, b)| power(a.sqrt() * b.sqrt()))
+                .collect();
+            settled = next
+                .iter()
+                .zip(&units)
+                .all(|(a, b)| (0.5..=2.0).contains(&(a / b)));
+            units = next;
+            if settled {
+                break;
+            }
+        }
+        // Sizes that go on growing or falling are those of variables in which H is homogeneous: nothing tells them.
+        if !settled {
+            units = own_sizes(x);
+        }
         let apart = |sign: f64| -> Vec<f64> {
             let all = x.iter().zip(&units).enumerate();
             all.map(|(j, (x, unit))| x + sign * APART * unit * (1.0 + centred(j + 1, false)))
@@ -103,7 +124,7 @@ impl<'a> Extension<'a> {
         let mut this = Self {
             frame,
             selection,
-            bases: bases(x, &units, frame.off),
+            bases: bases(x, &units, off(frame, &units)),
             units,
             rows,
             jacobians: Vec::new(),
@@ -351,38 +372,13 @@ pub(super) struct Followed {
     pub(super) tests: Vec<Vec<Value>>,
 }
 
-/// The size of each variable: its own or, where that is smaller, the change that rounding of the terms of a row cannot tell from it. Where
-/// both are rounding errors of 0, the size in which columns of the Jacobian, or of its changes, are balanced, their geometric mean being 1.
-fn units(jac: &Matrix, changes: &Matrix, x: &[f64]) -> Vec<f64> {
-    let mut terms = vec![0.0_f64; jac.nrows()];
-    let lengths: Vec<f64> = x.iter().map(|x| x.abs()).collect();
-    jac.as_ref().add_term_sizes(&lengths, &mut terms);
-    let mut least = vec![f64::INFINITY; x.len()];
-    // Entries that are far smaller than nearby are rounding errors of 0.
-    for ((i, j, v), (.., near)) in jac.triplets().zip(changes.triplets()) {
-        if v.abs() > NOTHING * near && terms[i] > 0.0 {
-            least[j] = least[j].min(terms[i] / v.abs());
-        }
-    }
-    let (mut rows, mut largest) = (vec![1.0; jac.nrows()], vec![0.0; jac.nrows()]);
-    let mut balanced = vec![1.0; x.len()];
-    equilibrate(changes.as_ref(), &mut rows, &mut balanced, &mut largest);
-    let mean = balanced.iter().map(|b| b.log2()).sum::<f64>() / x.len() as f64;
-    let unit = |j: usize| {
-        let balanced = (balanced[j].log2() - mean).exp2();
-        let own = if least[j].is_finite() {
-            x[j].abs().max(least[j])
-        } else {
-            x[j].abs()
-        };
-        let size = if own > NOTHING * balanced { own } else { balanced };
-        if size > 0.0 && size.is_finite() {
-            size.log2().round().exp2()
-        } else {
-            1.0
-        }
-    };
-    (0..x.len()).map(unit).collect()
+/// How far the point of a frame may be off, beyond rounding, in these units.
+fn off(frame: &Frame<'_>, units: &[f64]) -> f64 {
+    let each = frame.met.iter().map(|v| {
+        let gradient: Vec<f64> = v.gradient.iter().zip(units).map(|(g, unit)| g * unit).collect();
+        frame.theta[v.index].abs() / norm(&gradient)
+    });
+    each.filter(|off| off.is_finite()).fold(0.0, f64::max)
 }
 
 fn bases(x: &[f64], units: &[f64], off: f64) -> Vec<Vec<f64>> {
@@ -390,7 +386,7 @@ fn bases(x: &[f64], units: &[f64], off: f64) -> Vec<Vec<f64>> {
     for k in 0..BESIDE {
         let beside = x.iter().zip(units).enumerate().map(|(j, (x, unit))| {
             let sign = 2.0 * centred(j + 1, k % 2 == 1);
-            x + sign * (SAFETY * f64::EPSILON * unit + off)
+            x + sign * unit * (SAFETY * f64::EPSILON + off)
         });
         bases.push(beside.collect());
     }

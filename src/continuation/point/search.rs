@@ -306,20 +306,13 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     /// The arms of a selection by expansions to higher order.
     fn in_cell(&mut self, selection: &Selection, arms: &mut Arms) -> Result<(), PiecewiseError> {
         let vanishing: Vec<usize> = self.vanishing.iter().map(|v| v.index).collect();
-        // As far as the facets that meet here are from x, x is from the point where they meet.
-        let off = |v: &Vanishing| self.theta[v.index].abs() / v.gradient_norm;
-        let off = self
-            .vanishing
-            .iter()
-            .map(off)
-            .filter(|off| off.is_finite())
-            .fold(0.0, f64::max);
         let frame = Frame {
             map: &self.map,
             x: self.x,
             vanishing: &vanishing,
             tests: self.layout.total(),
-            off,
+            met: self.vanishing,
+            theta: self.theta,
         };
         let singular = self.singular.as_ref() == Some(selection);
         let found = match in_cell(&frame, self.layout, selection, singular)? {

@@ -6,8 +6,8 @@ use super::search::{ArmSearch, Arms};
 use super::units::Units;
 use super::{Found, PointDoubt};
 use crate::linear::LinearSolver;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
-use crate::sparse::{dot, norm};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, Vanishing};
+use crate::sparse::{distance, dot, norm};
 use crate::spread::centred;
 
 /// Distances of the corrected points from the point, in balanced units: the first at which all arms are found and separate serves.
@@ -23,12 +23,12 @@ const NEAR: f64 = 0.5;
 struct Measure(Vec<f64>);
 
 impl Measure {
-    /// With the geometric means of the sizes in the selections of the arms.
+    /// With the geometric means of the sizes in the selections of the arms, rounded to powers of two.
     fn of(found: &[Found], variables: usize) -> Self {
         let known = || found.iter().filter(|f| !f.units.is_empty());
         let mean = |j: usize| {
             let logarithms: f64 = known().map(|f| f.units[j].log2()).sum();
-            (logarithms / known().count().max(1) as f64).exp2()
+            (logarithms / known().count().max(1) as f64).round().exp2()
         };
         Self((0..variables).map(mean).collect())
     }
@@ -49,14 +49,6 @@ impl Measure {
 
     fn cosine(&self, a: &[f64], b: &[f64]) -> f64 {
         self.dot(a, b) / (self.norm(a) * self.norm(b))
-    }
-
-    /// A linear function that is of the size of lengths in all but few directions.
-    fn functional(&self, second: bool) -> Vec<f64> {
-        let entries = self.0.iter().enumerate();
-        entries
-            .map(|(j, unit)| 2.0 * centred(j + 1, second) / unit)
-            .collect()
     }
 
     /// The normal, of length 1 in the variables, of the plane that is orthogonal to a direction in these sizes.
@@ -194,9 +186,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         Ok((!crossed).then_some(Probe { point: y, error }))
     }
 
-    /// The point of a selection in a plane at a distance from x, next to a guess. Its error is what rounding of
-    /// H moves it by or, as the corrector stops at rounding in the units of the variables as they are, what a
-    /// repetition does.
+    /// The point of a selection in a plane at a distance from x, next to a guess. Its error is what rounding of H moves it by or, as the
+    /// corrector stops at rounding, what a repetition does. All in multiples of the sizes of the variables.
     fn in_plane(
         &mut self,
         selection: &Selection,
@@ -204,25 +195,39 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         guess: &[f64],
         measure: &Measure,
     ) -> Result<Option<Probe>, PiecewiseError> {
-        let (mut point, mut error, mut t) = (guess.to_vec(), 0.0, normal.to_vec());
+        let map = Scaled::with_divisors(&self.map, measure.0.clone())?;
+        let scaled = |v: &[f64]| -> Vec<f64> { v.iter().zip(&measure.0).map(|(v, unit)| v / unit).collect() };
+        let (anchor, mut point) = (scaled(self.x), scaled(guess));
+        // s = normal · (x − anchor) with the length of the normal in these units.
+        let mut normal: Vec<f64> = normal.iter().zip(&measure.0).map(|(n, unit)| n * unit).collect();
+        let length = norm(&normal);
+        normal.iter_mut().for_each(|n| *n /= length);
+        let (mut error, mut t) = (0.0, normal.clone());
         for _ in 0..2 {
             let before = point.clone();
-            let corrected = self
-                .corrector
-                .correct_in_plane(self.map, selection, self.x, normal, s, &mut point, &mut t);
+            let corrected = self.corrector.correct_in_plane(
+                &map,
+                selection,
+                &anchor,
+                &normal,
+                s / length,
+                &mut point,
+                &mut t,
+            );
             match corrected {
-                Ok(c) if c.converged => error = measure.distance(&before, &point),
+                Ok(c) if c.converged => error = distance(&before, &point),
                 Ok(_) | Err(PiecewiseError::Linear(_)) => return Ok(None),
                 Err(e) => return Err(e),
             }
         }
         for second in [false, true] {
-            let along = measure.functional(second);
-            let Some(moved) = self.corrector.rounding_of(&along, &point, normal) else {
+            let along: Vec<f64> = (0..point.len()).map(|j| 2.0 * centred(j + 1, second)).collect();
+            let Some(moved) = self.corrector.rounding_of(&along, &point, &normal) else {
                 return Ok(None);
             };
             error = error.max(SAFETY * moved);
         }
+        point.iter_mut().zip(&measure.0).for_each(|(p, unit)| *p *= unit);
         Ok(Some(Probe { point, error }))
     }
 

@@ -10,6 +10,12 @@ const TANGENTIAL: f64 = 1e-9;
 /// Entries of ∇H smaller than this fraction of the largest one in their row may be rounding errors: they determine no units.
 const ROUNDING: f64 = 1e-13;
 
+/// Share of the balanced size of a variable below which its value is a rounding error of 0: 2⁻³⁰ leaves room for units that are 10⁸ apart,
+/// and is far above rounding of points of ordinary size.
+const NOTHING: f64 = 1.0 / 1_073_741_824.0;
+/// Roundings of the largest term of a row up to which an entry times the size of its variable may be a rounding error.
+const SAFETY: f64 = 64.0;
+
 /// Lengths of vectors depend on the units of the variables: what is small in badly scaled units need not be small. Rates and values of test
 /// functions that count as zero have to be small in the units of ∇H^(σ), too, in which the entries of its columns are of one size.
 pub(in crate::continuation) struct Units<'a, P: ?Sized> {
@@ -20,6 +26,8 @@ pub(in crate::continuation) struct Units<'a, P: ?Sized> {
     units: Vec<f64>,
     /// Whether their columns of ∇H are 0.
     unseen: Vec<bool>,
+    /// Sizes of the variables themselves.
+    sizes: Vec<f64>,
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
@@ -30,6 +38,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
             x,
             units: Vec::new(),
             unseen: Vec::new(),
+            sizes: Vec::new(),
         }
     }
 
@@ -72,14 +81,24 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         self.length(t).recip()
     }
 
-    /// Whether a value θ is within `distance` of the facet, relative to 1, in the unit of the parameter, and to the length of x.
+    /// Whether a value θ is within `distance` of the facet, in multiples of the sizes of the variables.
     pub(in crate::continuation) fn is_near(&mut self, v: &Vanishing, theta: f64, distance: f64) -> bool {
         if theta == 0.0 {
             return true;
         }
-        let gradient = self.gradient_norm(v);
-        let one = self.units.last().map_or(1.0, |unit| unit.recip());
-        theta.abs() <= distance * (one + self.length(self.x)) * gradient
+        if self.units.is_empty() {
+            self.find();
+        }
+        let own = self.own_gradient(v);
+        let gradient = own.as_ref().unwrap_or(v).gradient.iter();
+        let scaled: Vec<f64> = gradient.zip(&self.sizes).map(|(g, size)| g * size).collect();
+        theta.abs() <= distance * norm(&scaled)
+    }
+
+    /// The gradient in the selection, where that matters.
+    fn own_gradient(&self, v: &Vanishing) -> Option<Vanishing> {
+        (self.map.has_nested_kinks())
+            .then(|| v.of_selection(self.map, &TestLayout::new(self.map), self.selection, self.x))
     }
 
     /// The units as divisors of the unknowns, powers of two.
@@ -102,8 +121,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         if self.units.is_empty() {
             self.find();
         }
-        let own = (self.map.has_nested_kinks())
-            .then(|| v.of_selection(self.map, &TestLayout::new(self.map), self.selection, self.x));
+        let own = self.own_gradient(v);
         let gradient = &own.as_ref().unwrap_or(v).gradient;
         // Unknowns whose columns of ∇H vanish: their units come from ∇θ.
         let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
@@ -129,6 +147,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
     fn find(&mut self) {
         let mut jac = Matrix::zeros(self.map.pattern());
         self.map.jacobian(self.selection, self.x, &mut jac);
+        let still = changes(&jac, [&jac, &jac], 0.0);
+        self.sizes = sizes(&jac, still, self.x, &own_sizes(self.x));
         let (mut row, mut largest) = (vec![1.0; jac.nrows()], vec![0.0f64; jac.nrows()]);
         (jac.triplets()).for_each(|(i, _, v)| largest[i] = largest[i].max(v.abs()));
         let kept = |(i, _, v): (usize, usize, f64)| if v.abs() < ROUNDING * largest[i] { 0.0 } else { v };
@@ -159,4 +179,70 @@ pub(super) fn row_sizes(jac: &Matrix) -> Vec<f64> {
     let unknown = |size: &&mut f64| !(**size > 0.0 && size.is_finite());
     sizes.iter_mut().filter(unknown).for_each(|size| *size = 1.0);
     sizes
+}
+
+/// The power of two nearest to the magnitude of each variable; 1 where that is below what sizes of variables may be.
+pub(super) fn own_sizes(x: &[f64]) -> Vec<f64> {
+    let size = |x: &f64| power(if x.abs() > NOTHING { x.abs() } else { 1.0 });
+    x.iter().map(size).collect()
+}
+
+/// The size of each variable, a power of two: its own, the change that rounding of the terms of a row cannot tell from it, or the size in
+/// which columns of the Jacobian, or of its changes, are balanced, whichever is largest. Balanced sizes are known up to a common factor: it is
+/// that of the variables that are no rounding errors of 0, and their geometric mean is 1 where all are.
+pub(super) fn sizes(jac: &Matrix, mut changes: Matrix, x: &[f64], before: &[f64]) -> Vec<f64> {
+    // Of variables that are not 0, entries that are rounding errors of their row over these sizes say nothing.
+    let known = |j: usize| x[j].abs() > NOTHING;
+    let mut largest = vec![0.0_f64; jac.nrows()];
+    (changes.triplets().filter(|e| known(e.1)))
+        .for_each(|(i, j, v)| largest[i] = largest[i].max(v * before[j]));
+    let noise =
+        |(i, j, v): (usize, usize, f64)| known(j) && v * before[j] <= SAFETY * f64::EPSILON * largest[i];
+    let kept: Vec<f64> = changes
+        .triplets()
+        .map(|e| if noise(e) { 0.0 } else { e.2 })
+        .collect();
+    changes.values_mut().copy_from_slice(&kept);
+    let mut told = vec![false; x.len()];
+    (changes.triplets()).for_each(|(_, j, v)| told[j] |= v > 0.0);
+
+    let mut terms = vec![0.0_f64; jac.nrows()];
+    let lengths: Vec<f64> = x.iter().map(|x| x.abs()).collect();
+    jac.as_ref().add_term_sizes(&lengths, &mut terms);
+    let mut least = vec![f64::INFINITY; x.len()];
+    // Entries that are far smaller than nearby are rounding errors of 0.
+    for ((i, j, v), (.., near)) in jac.triplets().zip(changes.triplets()) {
+        if near > 0.0 && v.abs() > NOTHING * near && terms[i] > 0.0 {
+            least[j] = least[j].min(terms[i] / v.abs());
+        }
+    }
+    let (mut rows, mut balanced) = (vec![1.0; jac.nrows()], vec![1.0; x.len()]);
+    equilibrate(changes.as_ref(), &mut rows, &mut balanced, &mut largest);
+    let mean = |numbers: &mut dyn Iterator<Item = f64>| {
+        let (count, sum) = numbers.fold((0.0, 0.0), |(count, sum), v| (count + 1.0, sum + v.log2()));
+        (sum / f64::max(count, 1.0)).exp2()
+    };
+    let centre = mean(&mut balanced.iter().copied());
+    balanced.iter_mut().for_each(|b| *b /= centre);
+    let own = |j: usize| match least[j].is_finite() {
+        true => x[j].abs().max(least[j]),
+        false => x[j].abs(),
+    };
+    let ratio = |j: &usize| own(*j) / balanced[*j];
+    let all = || (0..x.len()).filter(|j| told[*j]);
+    let most = all().map(|j| ratio(&j)).fold(1.0, f64::max);
+    let common = mean(&mut all().map(|j| ratio(&j)).filter(|r| *r > NOTHING * most));
+    let size = |j: usize| match told[j] || !known(j) {
+        true => own(j).max(common * balanced[j]),
+        false => own(j),
+    };
+    (0..x.len()).map(|j| power(size(j))).collect()
+}
+
+/// The power of two nearest to a size; 1 for none.
+pub(super) fn power(size: f64) -> f64 {
+    match size > 0.0 && size.is_finite() {
+        true => size.log2().round().exp2(),
+        false => 1.0,
+    }
 }
