@@ -6,7 +6,6 @@ use std::cell::RefCell;
 use semismooth::InputError;
 use semismooth::complementarity::{ComplementarityError, Mcp, McpFunction};
 use semismooth::optimise::{Bundle, BundleOptions, Implicit, OptimiseError};
-use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 use semismooth::variational::Polyhedron;
 use thiserror::Error;
@@ -15,6 +14,7 @@ use crate::graph::Gradient;
 use crate::model::{Model, Objective, Row, RowKind, linear_value};
 use crate::options::Options;
 use crate::solution::Solution;
+use crate::solve::{Observer, code};
 use crate::square::{Square, SquareError};
 
 /// Why a mathematical program with equilibrium constraints is not solved.
@@ -275,7 +275,12 @@ impl McpFunction for Value<'_> {
 ///
 /// # Errors
 /// A problem whose levels are not clear, or that the method cannot solve.
-pub fn mpec(model: &Model, objective: &Objective, options: &Options) -> Result<Solution, MpecError> {
+pub fn mpec(
+    model: &Model,
+    objective: &Objective,
+    options: &Options,
+    observe: &mut Observer<'_>,
+) -> Result<Solution, MpecError> {
     if model.graph.has_kinks() {
         return Err(MpecError::Kinks);
     }
@@ -317,26 +322,32 @@ pub fn mpec(model: &Model, objective: &Objective, options: &Options) -> Result<S
         work: RefCell::new((model.graph.workspace(), gradient)),
     };
     let start: Vec<f64> = upper.iter().map(|j| model.start[*j]).collect();
-    let limit = options.solver.max_time;
-    let mut f =
-        Implicit::new(problem()?, problem()?, value, &square.restrict(&model.start))?.with_max_time(limit);
-    let bundle = Bundle::new(BundleOptions::default().with_max_time(limit));
-    let (_, report) = bundle.minimise(&set, &start, &mut f)?;
+    let mut f = Implicit::new(problem()?, problem()?, value, &square.restrict(&model.start))?;
+    let bundle = Bundle::new(BundleOptions::default().with_max_time(options.solver.max_time));
+    let found = bundle.minimise(&set, &start, &mut f.observed(observe));
+    if let Some(status) = found.as_ref().err().and_then(OptimiseError::stopped) {
+        let message = format!(
+            "Not solved: mathematical program with equilibrium constraints: {status}, before the lower level was solved at the start, which \
+             is returned."
+        );
+        return Ok(Solution {
+            message,
+            code: code(status),
+            x: model.start.clone(),
+            duals: Vec::new(),
+            objective: 0,
+        });
+    }
+    let (_, report) = found?;
     let best = if objective.maximize {
         -report.value
     } else {
         report.value
     };
-    let code = match report.status {
-        Status::Solved => 0,
-        Status::IterationLimit => 400,
-        Status::TimeLimit => 401,
-        Status::EvaluationFailure { .. } => 503,
-        _ => 500,
-    };
+    let code = code(report.status);
     let what = match code {
-        0 => "Stationary in the sense of Clarke, to the tolerance",
-        _ => "Not solved",
+        0 => "Stationary in the sense of Clarke, to the tolerance".to_owned(),
+        _ => format!("Not solved ({})", report.status),
     };
     let mut message = format!(
         "{what}: mathematical program with equilibrium constraints, objective {best:?}; subgradient {:.1e} of gradients up to {:.1e}, \

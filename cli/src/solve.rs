@@ -83,7 +83,7 @@ pub fn solve(model: &Model, options: &Options, observe: &mut Observer<'_>) -> Re
     let is_complementarity = |kind: RowKind| matches!(kind, RowKind::Complements { .. });
     let mut solution = match objective.filter(|o| !is_constant(model, o)) {
         Some(objective) if model.rows.iter().any(|r| is_complementarity(r.kind)) && is_mpec(model) => {
-            mpec(model, objective, options)?
+            mpec(model, objective, options, observe)?
         }
         _ if model.rows.iter().any(|r| is_complementarity(r.kind)) => {
             let ignored = objective.is_some_and(|o| !is_constant(model, o));
@@ -303,8 +303,17 @@ fn verdict(report: &McpReport, what: &str) -> (u16, String) {
         "residual {:.1e}, error {:.1e}, {} iterations, {} evaluations",
         report.residual, report.error, report.iterations, report.evaluations
     );
-    let code = match report.status {
-        Status::Solved => return (0, format!("Solved: {what}; {numbers}.")),
+    let code = match code(report.status) {
+        0 => return (0, format!("Solved: {what}; {numbers}.")),
+        code => code,
+    };
+    (code, format!("Not solved: {what}: {}; {numbers}.", report.status))
+}
+
+/// AMPL's code for how a run ended.
+pub(crate) fn code(status: Status) -> u16 {
+    match status {
+        Status::Solved => 0,
         Status::AtRounding => 100,
         Status::NoSolution => 200,
         Status::IterationLimit => 400,
@@ -314,8 +323,7 @@ fn verdict(report: &McpReport, what: &str) -> (u16, String) {
         Status::EvaluationFailure { .. } => 503,
         Status::Interrupted => 505,
         _ => 500,
-    };
-    (code, format!("Not solved: {what}: {}; {numbers}.", report.status))
+    }
 }
 
 /// Variables at bounds that do not belong to the condition of their row, although the row is not zero there.

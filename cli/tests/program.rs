@@ -309,6 +309,17 @@ fn programs_with_equilibrium_constraints() {
         (values[0] - 280.0 / 3.0).abs() < 1e-4 && (values[1] - 80.0 / 3.0).abs() < 1e-4,
         "{sol}"
     );
+    // The limit of time holds within solves of the lower level, too, the first one included.
+    assert!(
+        semismooth(&[&path, "-AMPL", "max_time=1e-9"], "")
+            .status
+            .success()
+    );
+    let sol = std::fs::read_to_string(folder.join("a.sol")).unwrap();
+    assert!(
+        sol.contains("the start, which is returned") && sol.ends_with("objno 0 401\n"),
+        "{sol}"
+    );
     // x + y ≤ 100.
     let coupled = header([2, 2, 1, 0, 4, 2, 0])
         + "C0\nn-100\nC1\nn0\n"

@@ -6,7 +6,7 @@ use numpy::PyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use semismooth::complementarity::Mcp;
+use semismooth::complementarity::{Mcp, McpIteration};
 use semismooth::optimise::{Bundle, BundleIteration, BundleOptions, BundleReport, Implicit};
 use semismooth::run::Status;
 
@@ -184,8 +184,9 @@ fn minimise(
         let mut f = Implicit::new(problem, natural, TracedFunction(objective.free()), &x0).map_err(raised)?;
         let mut flow = ControlFlow::Continue(());
         let observe = |iteration: &BundleIteration| observed(run, callback.as_ref(), iteration, &mut flow);
+        let mut inner = |_: &McpIteration| run.poll();
         Bundle::new(options)
-            .minimise_observed(&set, &p0, &mut f, observe)
+            .minimise_observed(&set, &p0, &mut f.observed(&mut inner), observe)
             .map_err(raised)
     })?;
     MinimiseResult::new(py, &params, &report)

@@ -65,6 +65,12 @@ def test_a_run_can_be_stopped_and_limited():
     assert whole.params == pytest.approx([2.5], abs=1e-4)
 
 
+def test_a_limit_of_time_ends_within_a_solve():
+    # The first solve alone has no end.
+    with pytest.raises(ss.SemismoothError, match="limit of time|time"):
+        ss.minimise(lambda x, p: x[0], lambda x, p: np.exp(x) + np.roll(x, 1) ** 2 + p, np.zeros(50), 1.0, max_time=1e-9)
+
+
 def test_bad_input():
     def run(f=lambda x, p: x[0], F=lambda x, p: x - p, x0=0.0, p0=0.0, **options):
         return ss.minimise(f, F, x0, p0, **options)

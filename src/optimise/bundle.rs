@@ -17,12 +17,10 @@ use crate::variational::{Multipliers, Polyhedron, Projection};
 const DECREASE: f64 = 0.01;
 const SLOPE: f64 = 0.5;
 const LONG: f64 = 0.05;
-/// The curvature γ of the locality measure in units of the first weight u: any positive number will do for the theory.
-const CURVATURE: f64 = 0.05;
-/// Error of the trapezoidal rule, in units of what gradients differ by, up to which f counts as smooth between two points.
-const SMOOTH: f64 = 0.1;
-/// Curvature, in units of the first weight, up to which M learns it: larger ones are kinks, or left to the planes.
-const STEEPEST: f64 = 1e3;
+/// Error of the trapezoidal rule, in units of half of what slopes differ by, up to which f counts as smooth
+/// between two points: the error where the curvature grows from 0 in proportion to the distance. A kink
+/// between lines has any error up to 1, as it lies at an end or in the middle.
+const SMOOTH: f64 = 1.0 / 3.0;
 /// Factor by which one change of the weight is limited, and a bound of all of them together.
 const CHANGE: f64 = 10.0;
 const RANGE: f64 = 1e10;
@@ -62,6 +60,8 @@ pub(super) struct Run<'a> {
     reach: f64,
     /// Length of the first step, the unit of θ where θ itself is smaller.
     least_unit: f64,
+    /// Why an evaluation was stopped.
+    stopped: Option<Status>,
     /// The largest f at a point whose gradient the model has had.
     highest: f64,
     /// The largest |∂ᵢf| of these gradients, the unit of component i: parameters have units of their own.
@@ -86,6 +86,7 @@ impl<'a> Run<'a> {
         point.iter_mut().zip(&units).for_each(|(x, s)| *x /= s);
         let set = scaled(set, &units)?;
         let mut gradient = vec![0.0; point.len()];
+        limit_time(objective, options, &clock);
         let value = sampled(objective, &units, &point, &mut gradient);
         let value = value.map_err(|source| OptimiseError::Start { source })?;
         objective.keep();
@@ -102,6 +103,7 @@ impl<'a> Run<'a> {
             counter: 0,
             reach: CHANGE * step,
             least_unit: step,
+            stopped: None,
             highest: value,
             slopes: gradient.iter().map(|g| g.abs()).collect(),
             report: BundleReport {
@@ -129,7 +131,9 @@ impl<'a> Run<'a> {
         };
         run.note_slopes();
         run.first_weight = run.weight;
-        run.model.curvature = CURVATURE * run.weight;
+        // A plane from the farthest point that one step reaches counts as off by what the first step
+        // promises, |g| times its length.
+        run.model.curvature = run.weight / (CHANGE * CHANGE);
         run.model.add(Plane::new(run.here.gradient.clone(), 0.0, 0.0));
         Ok(run)
     }
@@ -276,6 +280,7 @@ impl<'a> Run<'a> {
             .collect();
         let mut gradient = vec![0.0; point.len()];
         self.report.evaluations += 1;
+        limit_time(self.objective, self.options, &self.clock);
         match sampled(self.objective, &self.units, &point, &mut gradient) {
             Ok(value) => Some(Sample {
                 point,
@@ -283,11 +288,21 @@ impl<'a> Run<'a> {
                 gradient,
             }),
             Err(cause) => {
-                self.report.failures += 1;
-                self.report.trouble = Some(cause);
+                self.stopped = cause.downcast_ref().and_then(OptimiseError::stopped);
+                if self.stopped.is_none() {
+                    self.report.failures += 1;
+                    self.report.trouble = Some(cause);
+                }
                 None
             }
         }
+    }
+
+    /// Why to search no further.
+    fn stop(&self) -> Option<Status> {
+        let limit = self.options.max_time;
+        let is_over = limit.is_some_and(|limit| self.clock.elapsed() >= limit);
+        self.stopped.or(is_over.then_some(Status::TimeLimit))
     }
 
     /// The two-point search of K. C. Kiwiel (1985) and M. M. Mäkelä, P. Neittaanmäki (1992): a step that decreases f enough, or a gradient
@@ -303,12 +318,8 @@ impl<'a> Run<'a> {
             full: None,
         };
         for trial in 0..HALVINGS {
-            if self
-                .options
-                .max_time
-                .is_some_and(|limit| self.clock.elapsed() >= limit)
-            {
-                return Err(Status::TimeLimit);
+            if self.stop().is_some() {
+                break;
             }
             let sample = self.sample(d, t);
             if trial == 0 {
@@ -347,6 +358,9 @@ impl<'a> Run<'a> {
         if found.best.is_some() {
             return Ok(found);
         }
+        if let Some(status) = self.stop() {
+            return Err(status);
+        }
         Err(match self.report.failures {
             0 => Status::Stalled,
             _ if found.full.is_none() => Status::EvaluationFailure { component: 0 },
@@ -368,12 +382,12 @@ impl<'a> Run<'a> {
             self.reach = self.reach.max(CHANGE * norm(&d));
             self.model.moved(&d, best.value - self.here.value);
             let change = difference(&best.gradient, &self.here.gradient);
-            // Across a kink the trapezoidal rule is as wrong as the gradients differ.
             let slopes = [&self.here, &best].map(|s| dot(&s.gradient, &d));
-            let off = best.value - self.here.value - 0.5 * (slopes[0] + slopes[1]);
             let curvature = dot(&change, &change) / (slopes[1] - slopes[0]);
-            let is_smooth = off.abs() <= SMOOTH * 0.5 * (slopes[1] - slopes[0]);
-            if is_smooth && curvature <= STEEPEST * self.first_weight {
+            // A curvature by which the first gradient would vanish nearer to what counts as no step than to
+            // the first one is that of a kink.
+            let steepest = self.first_weight / self.options.tolerance.sqrt();
+            if is_smooth(best.value - self.here.value, slopes) && curvature <= steepest {
                 self.model.learn(&d, &change, self.weight);
             }
             self.model.add(Plane::new(best.gradient.clone(), 0.0, 0.0));
@@ -430,8 +444,20 @@ impl<'a> Run<'a> {
     }
 }
 
+/// Whether slopes that grow account for the change of f between two points.
+fn is_smooth(change: f64, slopes: [f64; 2]) -> bool {
+    let half = 0.5 * (slopes[1] - slopes[0]);
+    half > 0.0 && (change - 0.5 * (slopes[0] + slopes[1])).abs() <= SMOOTH * half
+}
+
 fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+fn limit_time(objective: &mut dyn Objective, options: &BundleOptions, clock: &Clock) {
+    if let Some(limit) = options.max_time {
+        objective.limit_time(limit.saturating_sub(clock.elapsed()));
+    }
 }
 
 /// A value and a gradient that are finite, of parameters in these units.
@@ -459,4 +485,42 @@ fn first_step(set: &Polyhedron, options: &BundleOptions, point: &[f64]) -> f64 {
         () if size > 0.0 => 0.1 * size,
         () => 0.1,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The error of the trapezoidal rule is a third of half the difference of the slopes for x³ next to 0,
+    /// half of it for x⁴, and |1 − 2τ| of it for a kink at τ.
+    #[test]
+    fn smooth_is_what_a_cubic_is() {
+        let power = |n: i32, a: f64, b: f64| {
+            let slopes = [a, b].map(|x| f64::from(n) * x.powi(n - 1) * (b - a));
+            is_smooth(b.powi(n) - a.powi(n), slopes)
+        };
+        assert!(power(2, 0.0, 1.0) && power(3, 0.01, 1.0) && !power(3, -0.01, 1.0) && !power(4, 0.0, 1.0));
+        let kink = |at: f64| is_smooth(3.0 * (1.0 - at) - at, [-1.0, 3.0]);
+        assert!(kink(0.35) && kink(0.65) && !kink(0.3) && !kink(0.7));
+        // Slopes that fall are those of another kind of f.
+        assert!(!is_smooth(0.0, [1.0, -1.0]) && !is_smooth(1.0, [1.0, 1.0]));
+    }
+
+    /// The locality measure of a plane at the reach of one step is the decrease that the first step promises.
+    #[test]
+    fn planes_count_within_the_reach_of_a_step() {
+        let set = Polyhedron::boxed(vec![-4.0; 2], vec![4.0; 2]).unwrap();
+        let mut f = |p: &[f64], g: &mut [f64]| {
+            g.copy_from_slice(&[3.0, 4.0]);
+            Ok(3.0 * p[0] + 4.0 * p[1])
+        };
+        for step in [None, Some(0.25)] {
+            let options = BundleOptions::default().with_step(step);
+            let run = Run::new(&set, &options, &[1.0, 1.0], &mut f).unwrap();
+            // A tenth of the width 8 unless given, and ten times as far.
+            let step = step.unwrap_or(0.8);
+            assert!((run.reach - 10.0 * step).abs() < 1e-14);
+            assert!((run.model.curvature * run.reach * run.reach - 5.0 * step).abs() < 1e-13);
+        }
+    }
 }

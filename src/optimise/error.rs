@@ -40,3 +40,16 @@ pub enum OptimiseError {
     #[error(transparent)]
     Complementarity(#[from] ComplementarityError),
 }
+
+impl OptimiseError {
+    /// The status with which an observer or a limit of time ended an evaluation, which says nothing of its
+    /// point; that at the start included.
+    #[must_use]
+    pub fn stopped(&self) -> Option<Status> {
+        match self {
+            Self::Unsolved(status @ (Status::Interrupted | Status::TimeLimit)) => Some(*status),
+            Self::Start { source } => source.downcast_ref::<Self>().and_then(Self::stopped),
+            _ => None,
+        }
+    }
+}

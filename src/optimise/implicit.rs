@@ -1,9 +1,10 @@
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 use super::{Objective, OptimiseError};
 use crate::Cause;
 use crate::InputError;
-use crate::complementarity::{ComplementarityError, Mcp, McpFunction, McpOptions, McpSolver};
+use crate::complementarity::{ComplementarityError, Mcp, McpFunction, McpIteration, McpSolver};
 use crate::input::check_length;
 use crate::piecewise::PiecewiseSmooth;
 use crate::sensitivity::Sensitivity;
@@ -58,19 +59,29 @@ impl<F: McpFunction, P: PiecewiseSmooth, O: McpFunction> Implicit<F, P, O> {
         })
     }
 
-    /// Sets the largest wall-clock time of one solve.
-    #[must_use]
-    pub fn with_max_time(mut self, max_time: Option<Duration>) -> Self {
-        self.solver = McpSolver::new(McpOptions::default().with_max_time(max_time));
-        self
+    /// The function with an observer of each iteration of its solves, which may stop them: the bundle method
+    /// then ends with its best point.
+    pub fn observed<'o>(
+        &'o mut self,
+        observe: &'o mut dyn FnMut(&McpIteration) -> ControlFlow<()>,
+    ) -> impl Objective {
+        Observed {
+            function: self,
+            observe,
+        }
     }
 
-    fn attempt(&mut self, parameters: &[f64], gradient: &mut [f64]) -> Result<f64, OptimiseError> {
+    fn attempt(
+        &mut self,
+        parameters: &[f64],
+        gradient: &mut [f64],
+        observe: &mut dyn FnMut(&McpIteration) -> ControlFlow<()>,
+    ) -> Result<f64, OptimiseError> {
         let n = self.kept.len();
         let mut x = self.kept.clone();
         let status = self
             .solver
-            .solve(&self.problem.at_parameters(parameters)?, &mut x)?
+            .solve_observed(&self.problem.at_parameters(parameters)?, &mut x, observe)?
             .status;
         if !status.is_solved() {
             return Err(OptimiseError::Unsolved(status));
@@ -98,7 +109,13 @@ impl<F: McpFunction, P: PiecewiseSmooth, O: McpFunction> Implicit<F, P, O> {
 
 impl<F: McpFunction, P: PiecewiseSmooth, O: McpFunction> Objective for Implicit<F, P, O> {
     fn evaluate(&mut self, parameters: &[f64], gradient: &mut [f64]) -> Result<f64, Cause> {
-        self.attempt(parameters, gradient).map_err(Cause::new)
+        let mut observe = |_: &McpIteration| ControlFlow::Continue(());
+        self.attempt(parameters, gradient, &mut observe)
+            .map_err(Cause::new)
+    }
+
+    fn limit_time(&mut self, left: Duration) {
+        self.solver.limit_time(left);
     }
 
     fn keep(&mut self) {
@@ -107,5 +124,29 @@ impl<F: McpFunction, P: PiecewiseSmooth, O: McpFunction> Objective for Implicit<
 
     fn state(&self) -> &[f64] {
         &self.kept
+    }
+}
+
+/// [`Implicit`] with an observer.
+struct Observed<'o, F, P, O> {
+    function: &'o mut Implicit<F, P, O>,
+    observe: &'o mut dyn FnMut(&McpIteration) -> ControlFlow<()>,
+}
+
+impl<F: McpFunction, P: PiecewiseSmooth, O: McpFunction> Objective for Observed<'_, F, P, O> {
+    fn evaluate(&mut self, parameters: &[f64], gradient: &mut [f64]) -> Result<f64, Cause> {
+        (self.function.attempt(parameters, gradient, self.observe)).map_err(Cause::new)
+    }
+
+    fn limit_time(&mut self, left: Duration) {
+        self.function.limit_time(left);
+    }
+
+    fn keep(&mut self) {
+        self.function.keep();
+    }
+
+    fn state(&self) -> &[f64] {
+        self.function.state()
     }
 }

@@ -23,6 +23,7 @@ mod report;
 mod units;
 
 use std::ops::ControlFlow;
+use std::time::Duration;
 
 pub use error::OptimiseError;
 pub use implicit::Implicit;
@@ -39,6 +40,10 @@ pub trait Objective {
     /// # Errors
     /// Points where f has no value or no gradient: steps to them are shortened, and the report has the last error.
     fn evaluate(&mut self, parameters: &[f64], gradient: &mut [f64]) -> Result<f64, Cause>;
+
+    /// The time left, where the run has a limit: an evaluation that takes longer may end with an error, after
+    /// which the run ends with its best point. Default: nothing happens.
+    fn limit_time(&mut self, _left: Duration) {}
 
     /// The point evaluated last is the best so far. Default: nothing happens.
     fn keep(&mut self) {}

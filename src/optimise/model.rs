@@ -11,9 +11,6 @@ use crate::variational::{Multipliers, Polyhedron};
 const ACCURATE: f64 = 1e-10;
 const CUT: f64 = 0.1;
 
-/// Cosine of the angle between a step and the change of the gradient from which on M is updated.
-const SOUND: f64 = 1e-6;
-
 /// A linearisation of f, or a convex combination of some.
 #[derive(Debug, Clone)]
 pub(super) struct Plane {
@@ -110,8 +107,8 @@ impl Model {
         let n = s.len();
         let ms: Vec<f64> = (0..n).map(|i| dot(&self.metric[i * n..(i + 1) * n], s)).collect();
         let (curvature, own) = (dot(s, y), dot(s, &ms));
-        let is_sound = curvature > SOUND * norm(s) * norm(y) && own > 0.0;
-        if !is_sound {
+        let is_definite = curvature > 0.0 && own > 0.0;
+        if !is_definite {
             return;
         }
         for i in 0..n {

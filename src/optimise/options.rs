@@ -26,7 +26,8 @@ pub struct BundleOptions {
     pub step: Option<f64>,
     /// Largest number of iterations, a quadratic program each. Default 500.
     pub max_iterations: usize,
-    /// Largest wall-clock time, checked before each evaluation. Default none.
+    /// Largest wall-clock time, checked before each evaluation and told to
+    /// [`Objective::limit_time`](super::Objective::limit_time), which ends long ones. Default none.
     pub max_time: Option<Duration>,
     /// Largest number of gradients that the model of f keeps; more are aggregated. Default 60.
     pub max_bundle: usize,

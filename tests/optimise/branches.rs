@@ -1,8 +1,11 @@
 //! Solutions that are not unique: each branch is a problem of its own.
 
+use std::ops::ControlFlow;
+
 use semismooth::complementarity::Lcp;
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
-use semismooth::optimise::OptimiseError;
+use semismooth::optimise::{Bundle, OptimiseError};
+use semismooth::run::Status;
 use semismooth::sensitivity::SensitivityError;
 use semismooth::sparse::Matrix;
 use semismooth::variational::Polyhedron;
@@ -45,6 +48,49 @@ fn the_list_gives_the_starts() {
     // Where the branches meet, at p = 0, there is no element of a generalised derivative, and the error says why.
     let text = from(0.0, 0.0).unwrap_err();
     assert!(text.contains("one function"), "{text}");
+}
+
+/// An observer of the solves may end one: the run ends with its best point, whose x solves the problem there.
+/// f(p) = (x − 2)² + p with x = p/2.
+#[test]
+fn observers_of_solves_end_runs() {
+    for most in 0..12 {
+        let mut f = semismooth::implicit(
+            |z, p| (z[0] - 2.0).powi(2) + p[0],
+            |z, p| vec![z[0].powi(3) - (p[0] * 0.5).powi(3)],
+            [&[0.5], &[f64::INFINITY]],
+            &[1.0],
+            1,
+        )
+        .unwrap();
+        let mut left = 20 * most;
+        let mut observe = |_: &semismooth::complementarity::McpIteration| match left {
+            0 => ControlFlow::Break(()),
+            _ => {
+                left -= 1;
+                ControlFlow::Continue(())
+            }
+        };
+        let set = Polyhedron::boxed(vec![1.0], vec![9.0]).unwrap();
+        let found = Bundle::default().minimise(&set, &[8.0], &mut f.observed(&mut observe));
+        let (p, report) = match found {
+            Ok(found) => found,
+            Err(e) => {
+                assert!(most == 0 && e.stopped() == Some(Status::Interrupted), "{e}");
+                continue;
+            }
+        };
+        assert!(
+            report.is_solved() || report.status == Status::Interrupted,
+            "{report}"
+        );
+        assert!((report.state[0] - 0.5 * p[0]).abs() < 1e-9);
+        assert!((report.value - (report.state[0] - 2.0).powi(2) - p[0]).abs() < 1e-12);
+        if report.is_solved() {
+            // (p/2 − 2)² + p has its minimum at p = 2.
+            assert!((p[0] - 2.0).abs() < 1e-3, "{p:?}");
+        }
+    }
 }
 
 /// A parameter that only the objective depends on, and one that only the problem does.

@@ -1,9 +1,10 @@
 //! Functions of parameters alone, with stationary points in closed form.
 
 use std::ops::ControlFlow;
+use std::time::Duration;
 
 use semismooth::Cause;
-use semismooth::optimise::{Bundle, BundleOptions, BundleReport};
+use semismooth::optimise::{Bundle, BundleOptions, BundleReport, Objective, OptimiseError};
 use semismooth::run::Status;
 use semismooth::sparse::Matrix;
 use semismooth::variational::Polyhedron;
@@ -254,6 +255,61 @@ fn ends() {
     });
     assert_eq!(observed.unwrap().1.status, Status::Interrupted);
     assert!(seen.len() == 5 && seen.is_sorted_by(|a, b| a >= b));
+}
+
+/// An evaluation that a limit or an observer ends is no point without a value: the run ends there, at the
+/// best point so far, which need not be where its last iteration began.
+#[test]
+fn evaluations_that_are_stopped() {
+    struct Stopping {
+        evaluations: usize,
+        most: usize,
+        status: Status,
+        kept: f64,
+        last: f64,
+        told: bool,
+    }
+    impl Objective for Stopping {
+        fn evaluate(&mut self, p: &[f64], g: &mut [f64]) -> Result<f64, Cause> {
+            if self.evaluations == self.most {
+                return Err(Cause::new(OptimiseError::Unsolved(self.status)));
+            }
+            self.evaluations += 1;
+            self.last = cb2(p, g);
+            Ok(self.last)
+        }
+        fn limit_time(&mut self, left: Duration) {
+            self.told |= left <= Duration::from_secs(3600);
+        }
+        fn keep(&mut self) {
+            self.kept = self.last;
+        }
+    }
+    for status in [Status::TimeLimit, Status::Interrupted] {
+        for most in 0..25 {
+            let mut f = Stopping {
+                evaluations: 0,
+                most,
+                status,
+                kept: f64::NAN,
+                last: f64::NAN,
+                told: false,
+            };
+            let hour = BundleOptions::default().with_max_time(Some(Duration::from_secs(3600)));
+            let found = Bundle::new(hour).minimise(&space(2), &[1.0, -0.1], &mut f);
+            assert!(f.told);
+            if most == 0 {
+                assert_eq!(found.unwrap_err().stopped(), Some(status));
+                continue;
+            }
+            let (p, report) = found.unwrap();
+            if !report.is_solved() {
+                assert_eq!((report.status, report.failures), (status, 0), "{most}: {report}");
+                assert!(report.trouble.is_none());
+            }
+            assert_eq!((report.value, f.kept), (f.kept, cb2(&p, &mut [0.0; 2])), "{most}");
+        }
+    }
 }
 
 /// Points without a value are avoided; where there is no other way, the report has the error unchanged.

@@ -17,6 +17,7 @@ mod units;
 mod work;
 
 use std::ops::ControlFlow;
+use std::time::Duration;
 
 pub use options::McpOptions;
 pub use report::{BoundState, Fallback, McpIteration, McpReport, McpStep};
@@ -101,6 +102,11 @@ impl McpSolver {
     #[must_use]
     pub fn options(&self) -> &McpOptions {
         &self.options
+    }
+
+    /// Changes the largest wall-clock time of the solves to come.
+    pub(crate) fn limit_time(&mut self, limit: Duration) {
+        self.options.max_time = Some(limit);
     }
 
     /// How the last solve went.
