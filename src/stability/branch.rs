@@ -1,8 +1,12 @@
+use std::collections::VecDeque;
 use std::fmt;
+use std::ops::ControlFlow;
+use std::sync::{Mutex, PoisonError};
 
 use super::{Dynamics, Spectrum, StabilityError};
 use crate::continuation::{
-    Branch, Continuation, ContinuationOptions, Direction, Point, Transition, TransitionKind,
+    Branch, BranchVertex, Continuation, ContinuationOptions, Direction, Event, Point, Transition,
+    TransitionKind,
 };
 use crate::piecewise::PiecewiseSmooth;
 use crate::words::{Count, at_parameter};
@@ -89,7 +93,8 @@ pub struct Stretch {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct StabilityBranch {
-    /// The curve. Its monitor crossings are the zeros of the test function: Hopf points and neutral saddles, where λ and −λ are both real.
+    /// The curve. Its monitor crossings are the Hopf points, two of them at each: those of both eigenvalues
+    /// of the pair.
     pub branch: Branch,
     /// The eigenvalues at each of its points.
     pub spectra: Vec<Spectrum>,
@@ -99,8 +104,10 @@ pub struct StabilityBranch {
     pub kinks: Vec<BoundaryEquilibrium>,
     /// The curve from point to point, events among them, with the stability between.
     pub stretches: Vec<Stretch>,
-    /// Arclengths of points between which the number of unstable eigenvalues changes without an event that explains it: two events in one
-    /// step, say. Smaller steps resolve them.
+    /// Arclengths of the ends of stretches in which an eigenvalue seems to cross the axis without an event:
+    /// the real parts at both ends and halfway, each time of the nearest eigenvalue, differ in sign, or a
+    /// parabola through them crosses zero. The step may have passed over events there; smaller steps resolve
+    /// them.
     pub unexplained: Vec<(f64, f64)>,
 }
 
@@ -126,8 +133,13 @@ impl fmt::Display for StabilityBranch {
 impl<P: PiecewiseSmooth + Sync + ?Sized> Dynamics<'_, P> {
     /// Follows the curve of equilibria through a point, with eigenvalues at all its points.
     ///
+    /// The real parts by rank, largest first, are continuous along the curve whichever eigenvalues cross.
+    /// Each is watched for itself, so that several Hopf points in one step are located where values and
+    /// slopes at its ends tell of them. Where eigenvalues at both ends and halfway tell of others,
+    /// [`unexplained`](StabilityBranch::unexplained) says so.
+    ///
     /// # Complexity
-    /// Besides the curve itself all eigenvalues once a step, and some ten times at each Hopf point.
+    /// Besides the curve itself all eigenvalues some ten times a step, and as often at each Hopf point.
     ///
     /// # Errors
     /// As [`spectrum`](Self::spectrum) and [`Branch::follow`].
@@ -137,20 +149,49 @@ impl<P: PiecewiseSmooth + Sync + ?Sized> Dynamics<'_, P> {
         direction: Direction,
         options: ContinuationOptions,
     ) -> Result<StabilityBranch, StabilityError> {
-        self.spectrum(x)?;
-        let test = |x: &[f64]| self.spectrum(x).map_or(f64::NAN, |s| s.hopf_test());
-        let curve = Continuation::new(self.map, x, direction, options)?.with_monitor("Hopf", test);
-        let branch = Branch::collect(curve, |_| std::ops::ControlFlow::Continue(()))?;
-        self.examined(branch)
+        self.follow_observed(x, direction, options, |_| ControlFlow::Continue(()))
     }
 
-    fn examined(&self, branch: Branch) -> Result<StabilityBranch, StabilityError> {
-        let spectra = branch.points.iter().map(|p| self.spectrum_in(&p.selection, &p.x));
-        let spectra: Vec<Spectrum> = spectra.collect::<Result<_, _>>()?;
+    /// [`follow`](Self::follow), reporting each event of the curve to `observe`, which may stop it.
+    ///
+    /// # Errors
+    /// As [`follow`](Self::follow).
+    pub fn follow_observed(
+        &self,
+        x: &[f64],
+        direction: Direction,
+        options: ContinuationOptions,
+        mut observe: impl FnMut(&Event) -> ControlFlow<()>,
+    ) -> Result<StabilityBranch, StabilityError> {
+        let ranks = self.spectrum(x)?.eigenvalues.len();
+        let recent = &Recent::default();
+        let mut curve = Continuation::new(self.map, x, direction, options)?;
+        for rank in 0..ranks {
+            curve = curve.with_monitor(HOPF, move |x| recent.get(x, || self.spectrum(x).ok(), rank));
+        }
+        // Eigenvalues come with the points, so that a run that is stopped ends at once.
+        let mut walk = Walk::default();
+        let mut failed = None;
+        let branch = Branch::collect(curve, |event| match self.walk_on(&mut walk, event) {
+            Ok(()) => observe(event),
+            Err(e) => {
+                failed = Some(e);
+                ControlFlow::Break(())
+            }
+        })?;
+        match failed {
+            Some(error) => Err(error),
+            None => self.examined(branch, walk),
+        }
+    }
+
+    fn examined(&self, branch: Branch, walk: Walk) -> Result<StabilityBranch, StabilityError> {
         let mut hopf = Vec::new();
         for crossing in &branch.monitor_crossings {
             let spectrum = self.spectrum_in(&crossing.point.selection, &crossing.point.x)?;
-            if let Some(frequency) = spectrum.frequency() {
+            // Of a pair the eigenvalue above the axis.
+            let frequency = spectrum.eigenvalues.get(crossing.monitor).map_or(0.0, |z| z.1);
+            if frequency > 0.0 {
                 hopf.push(Hopf {
                     point: crossing.point.clone(),
                     frequency,
@@ -171,81 +212,106 @@ impl<P: PiecewiseSmooth + Sync + ?Sized> Dynamics<'_, P> {
             })
         });
         let kinks = kinks.collect::<Result<Vec<_>, StabilityError>>()?;
-        let stretches = self.stretches(&branch, &spectra, &hopf)?;
         Ok(StabilityBranch {
-            unexplained: unexplained(&branch, &spectra, &hopf),
-            spectra,
+            branch,
+            spectra: walk.spectra,
             hopf,
             kinks,
-            stretches,
-            branch,
+            stretches: walk.stretches,
+            unexplained: walk.unexplained,
         })
     }
 
-    /// The curve from point to point: of two neighbours one that is no event tells the stability between them, else the point halfway.
-    fn stretches(
-        &self,
-        branch: &Branch,
-        spectra: &[Spectrum],
-        hopf: &[Hopf],
-    ) -> Result<Vec<Stretch>, StabilityError> {
-        let mut walk: Vec<(f64, &[f64], Option<usize>)> = Vec::new();
-        let points = branch.points.iter().zip(spectra);
-        walk.extend(points.map(|(p, s)| {
-            (
-                p.arclength,
-                p.x.as_slice(),
-                (s.undecided == 0).then_some(s.unstable),
-            )
-        }));
-        walk.extend(
-            branch
-                .transitions
-                .iter()
-                .map(|t| (t.arclength, t.x.as_slice(), None)),
-        );
-        let located = branch.smooth_folds.iter();
-        let located = located.chain(branch.branch_points.iter().map(|b| &b.point));
-        let located = located.chain(hopf.iter().map(|h| &h.point));
-        walk.extend(located.map(|p| (p.arclength, p.x.as_slice(), None)));
-        walk.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let stretch = |pair: &[(f64, &[f64], Option<usize>)]| {
-            let [from, to] = [pair[0].1, pair[1].1];
-            let unstable = match (pair[0].2, pair[1].2) {
-                (Some(unstable), _) | (_, Some(unstable)) => unstable,
-                _ => {
-                    let halfway: Vec<f64> = from.iter().zip(to).map(|(a, b)| 0.5 * (a + b)).collect();
-                    self.spectrum(&halfway)?.unstable
-                }
-            };
-            Ok(Stretch {
-                ends: [from.to_vec(), to.to_vec()],
-                unstable,
-            })
+    /// The stretch that ends at the next point of the curve.
+    fn walk_on(&self, walk: &mut Walk, event: &Event) -> Result<(), StabilityError> {
+        if let Event::Point(point) = event {
+            walk.spectra.push(self.spectrum_in(&point.selection, &point.x)?);
+        }
+        let Some(last) = walk.last.replace(event.clone()) else {
+            return Ok(());
         };
-        walk.windows(2).map(stretch).collect()
+        let (from, to) = (BranchVertex::from(&last), BranchVertex::from(event));
+        // Both eigenvalues of a pair cross where it does.
+        if from.event == HOPF && to.event == HOPF && from.x == to.x {
+            return Ok(());
+        }
+        let at = |x: &[f64]| self.spectrum_in(from.selection, x);
+        let (a, middle, b) = (at(from.x)?, at(&halfway(&from, &to))?, at(to.x)?);
+        let decided = [
+            (&middle, true),
+            (&a, from.event == POINT),
+            (&b, to.event == POINT),
+        ];
+        let decided = decided.iter().find(|(s, tells)| *tells && s.undecided == 0);
+        walk.stretches.push(Stretch {
+            ends: [from.x.to_vec(), to.x.to_vec()],
+            unstable: decided.map_or(middle.unstable, |(s, _)| s.unstable),
+        });
+        let (first, second) = (a.nearest_in(&middle), middle.nearest_in(&b));
+        let [a, middle, b] = [(&a, from.event), (&middle, POINT), (&b, to.event)].map(|(s, event)| {
+            let crosses = event == HOPF || event == SMOOTH_FOLD || event == BRANCH_POINT;
+            s.signed_parts(crosses)
+        });
+        let mut paths = a.iter().zip(first).map(|(a, k)| (*a, middle[k], b[second[k]]));
+        if paths.any(|(a, m, b)| may_cross(a, m, b)) {
+            walk.unexplained.push((from.arclength, to.arclength));
+        }
+        Ok(())
     }
 }
 
-/// Pairs of neighbouring points whose numbers of unstable eigenvalues differ by what no event between them accounts for: kinks may change any
-/// number, folds and branch points one, Hopf points two each.
-fn unexplained(branch: &Branch, spectra: &[Spectrum], hopf: &[Hopf]) -> Vec<(f64, f64)> {
-    let count = |lengths: &mut dyn Iterator<Item = f64>, span: (f64, f64)| {
-        lengths.filter(|s| (span.0..=span.1).contains(s)).count()
-    };
-    let mut found = Vec::new();
-    for (points, spectra) in branch.points.windows(2).zip(spectra.windows(2)) {
-        let span = (points[0].arclength, points[1].arclength);
-        let change = spectra[0].unstable.abs_diff(spectra[1].unstable);
-        let hidden = spectra[0].undecided + spectra[1].undecided;
-        let kinks = count(&mut branch.transitions.iter().map(|t| t.arclength), span);
-        let folds = count(&mut branch.smooth_folds.iter().map(|f| f.arclength), span)
-            + count(&mut branch.branch_points.iter().map(|b| b.point.arclength), span);
-        let pairs = count(&mut hopf.iter().map(|h| h.point.arclength), span);
-        let most = folds + 2 * pairs;
-        if kinks == 0 && (change > most + hidden || (hidden == 0 && (most - change) % 2 == 1)) {
-            found.push(span);
-        }
+/// What is known of a curve up to a point.
+#[derive(Default)]
+struct Walk {
+    last: Option<Event>,
+    spectra: Vec<Spectrum>,
+    stretches: Vec<Stretch>,
+    unexplained: Vec<(f64, f64)>,
+}
+
+/// Names of [`BranchVertex::event`], the first one that of the monitors.
+const HOPF: &str = "Hopf";
+const POINT: &str = "point";
+const SMOOTH_FOLD: &str = "smooth fold";
+const BRANCH_POINT: &str = "branch point";
+
+/// Whether a function with these values at both ends of an interval and in its middle, 0 standing for no
+/// sign, has zeros inside: values of both signs, or a parabola through them with a least size of the other
+/// sign.
+fn may_cross(a: f64, m: f64, b: f64) -> bool {
+    if a * m < 0.0 || m * b < 0.0 || a * b < 0.0 {
+        return true;
     }
-    found
+    let (slope, bend) = (4.0 * m - 3.0 * a - b, 2.0 * (a - 2.0 * m + b));
+    let place = -0.5 * slope / bend;
+    place > 0.0 && place < 1.0 && (a + 0.5 * slope * place) * m < 0.0
+}
+
+/// The middle of the cubic curve with the tangents of two points.
+fn halfway(from: &BranchVertex<'_>, to: &BranchVertex<'_>) -> Vec<f64> {
+    let eighth = 0.125 * (to.arclength - from.arclength);
+    let tangents = from.tangent.iter().zip(to.tangent_before);
+    let ends = from.x.iter().zip(to.x).zip(tangents);
+    ends.map(|((x, y), (s, t))| 0.5 * (x + y) + eighth * (s - t))
+        .collect()
+}
+
+/// Spectra at the points computed last: the monitors of all ranks ask for the same ones.
+#[derive(Default)]
+struct Recent(Mutex<VecDeque<(Vec<f64>, Option<Spectrum>)>>);
+
+impl Recent {
+    /// Points around which a monitor is sampled in turn, and one to spare.
+    const KEPT: usize = 8;
+
+    fn get(&self, x: &[f64], compute: impl FnOnce() -> Option<Spectrum>, rank: usize) -> f64 {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if !kept.iter().any(|(at, _)| at == x) {
+            kept.truncate(Self::KEPT - 1);
+            kept.push_front((x.to_vec(), compute()));
+        }
+        let found = kept.iter().find(|(at, _)| at == x);
+        let spectrum = found.and_then(|(_, spectrum)| spectrum.as_ref());
+        spectrum.map_or(f64::NAN, |s| s.crossing(rank))
+    }
 }

@@ -9,6 +9,16 @@
 //!   C. J. Budd, A. R. Champneys, P. Kowalczyk, *Piecewise-smooth Dynamical Systems*, 2008, chapter 5),
 //! * of large sparse systems some eigenvalues next to a real shift ([`Dynamics::nearest`]).
 //!
+//! Quasi-static equilibria with friction are no equilibria of differential equations: there the *rate
+//! problem* takes the place of eigenvalues, which velocities follow a change of the load.
+//! [`implicit_function`](crate::piecewise::implicit_function) of the map of a [contact
+//! problem](crate::contact) says whether it has one solution whatever the load's rate, and
+//! [`arms_at`](crate::continuation::arms_at) lists all its solutions: arms with α̇ > 0, with α̇ < 0, and with
+//! α̇ = 0, the motions at a constant load. Away from kinks, where det ∇_yH has another sign than if all nodes
+//! stuck, an odd number of the modes in which slipping nodes go on slipping grows exponentially at constant
+//! load, for any masses that do not couple the axes of contact nodes: *directional* instability (J. A. C.
+//! Martins, S. Barbarin, M. Raous, A. Pinto da Costa, Comput. Methods Appl. Mech. Eng. 177 (1999)).
+//!
 //! ```
 //! use semismooth::continuation::{ContinuationOptions, Direction};
 //! use semismooth::stability::Dynamics;

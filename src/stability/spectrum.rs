@@ -4,6 +4,7 @@ use super::StabilityError;
 use crate::linear::eigenvalues;
 use crate::sparse::{Matrix, Pattern};
 use crate::spread::Random;
+use crate::tolerances::NONE;
 use crate::words::Count;
 
 /// Matrices beside the given one whose eigenvalues tell what rounding hides, and the factor from the largest move of a real part to a bound.
@@ -20,6 +21,8 @@ pub struct Spectrum {
     pub unstable: usize,
     /// How many have real parts that rounding hides: these are counted neither as positive nor as negative.
     pub undecided: usize,
+    /// By how much rounding may move each real part.
+    hidden: Vec<f64>,
 }
 
 impl Spectrum {
@@ -33,6 +36,7 @@ impl Spectrum {
             eigenvalues,
             unstable,
             undecided,
+            hidden,
         })
     }
 
@@ -46,42 +50,51 @@ impl Spectrum {
         }
     }
 
-    /// A function that vanishes where the sum of two eigenvalues does, and changes its sign where a pair ±iω crosses the imaginary axis: the
-    /// sign of the determinant of the bialternate product 2 A ⊙ I, Π (λᵢ + λⱼ), and the size of its least factor relative to |λᵢ| + |λⱼ|.
-    pub(super) fn hopf_test(&self) -> f64 {
-        let (mut sign, mut least) = (1.0, f64::INFINITY);
-        self.pairs(|sum, is_real_pair| {
-            least = f64::min(least, sum.abs());
-            // Others come with their conjugates.
-            if is_real_pair {
-                sign *= sum.signum();
-            }
-        });
-        sign * least
+    /// The real parts by rank, 0 where they have no sign: rounding hides it, or it is one of those nearest to
+    /// zero, where one `crosses`.
+    pub(super) fn signed_parts(&self, crosses: bool) -> Vec<f64> {
+        let parts = || self.eigenvalues.iter().map(|z| z.0);
+        let least = parts().fold(f64::INFINITY, |m, real| m.min(real.abs()));
+        let has_sign = |real: f64, hidden: f64| real.abs() > hidden && !(crosses && real.abs() == least);
+        let signed = parts().zip(&self.hidden);
+        signed
+            .map(|(real, hidden)| if has_sign(real, *hidden) { real } else { 0.0 })
+            .collect()
     }
 
-    /// ω, if the pair with the least relative sum is complex.
-    pub(super) fn frequency(&self) -> Option<f64> {
-        let (mut least, mut found) = (f64::INFINITY, None);
-        let all = &self.eigenvalues;
-        for (i, a) in all.iter().enumerate() {
-            for b in &all[i + 1..] {
-                let sum = relative_sum(*a, *b).abs();
-                if sum < least {
-                    least = sum;
-                    found = (a.1 != 0.0 && a.1 == -b.1).then_some(a.1.abs());
-                }
+    /// For each eigenvalue the one of another spectrum that continues it: pairs are made from the nearest on,
+    /// each eigenvalue in one of them.
+    pub(super) fn nearest_in(&self, other: &Self) -> Vec<usize> {
+        let n = self.eigenvalues.len();
+        let distance = |(i, j): (usize, usize)| {
+            let (a, b) = (self.eigenvalues[i], other.eigenvalues[j]);
+            (a.0 - b.0).hypot(a.1 - b.1)
+        };
+        let mut pairs: Vec<(usize, usize)> = (0..n * n).map(|k| (k / n, k % n)).collect();
+        pairs.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
+        let (mut of, mut taken) = (vec![NONE; n], vec![false; n]);
+        for (i, j) in pairs {
+            if of[i] == NONE && !taken[j] {
+                (of[i], taken[j]) = (j, true);
             }
         }
-        found
+        of
     }
 
-    fn pairs(&self, mut with: impl FnMut(f64, bool)) {
-        let all = &self.eigenvalues;
-        for (i, a) in all.iter().enumerate() {
-            for b in &all[i + 1..] {
-                with(relative_sum(*a, *b), a.1 == -b.1);
-            }
+    /// What changes its sign with the real part of the eigenvalue of a rank, where that belongs to a complex
+    /// pair: the real part. A real eigenvalue vanishes at folds and branch points, which the curve tells:
+    /// there it is the size of the spectrum with the sign of the eigenvalue, so that it jumps where others
+    /// cross.
+    pub(super) fn crossing(&self, rank: usize) -> f64 {
+        let size = || {
+            self.eigenvalues
+                .iter()
+                .fold(0.0, |m, z| f64::max(m, z.0.hypot(z.1)))
+        };
+        match self.eigenvalues.get(rank) {
+            Some((real, 0.0)) => size().copysign(*real),
+            Some((real, _)) => *real,
+            None => f64::NAN,
         }
     }
 }
@@ -123,16 +136,6 @@ fn hidden(matrix: &Matrix, eigenvalues: &[(f64, f64)]) -> Result<Vec<f64>, Stabi
         }
     }
     Ok(hidden)
-}
-
-/// |λ + μ| / (|λ| + |μ|), with the sign of the sum where that is real.
-fn relative_sum(a: (f64, f64), b: (f64, f64)) -> f64 {
-    let size = a.0.hypot(a.1) + b.0.hypot(b.1);
-    let sum = (a.0 + b.0).hypot(a.1 + b.1);
-    match size {
-        0.0 => 0.0,
-        _ => (sum / size).copysign(a.0 + b.0),
-    }
 }
 
 impl fmt::Display for Spectrum {

@@ -1,3 +1,5 @@
+use std::ops::ControlFlow;
+
 use semismooth::continuation::{ContinuationOptions, Direction};
 use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
 use semismooth::stability::Dynamics;
@@ -37,6 +39,16 @@ fn stability() {
         t.refuses("stability::Dynamics::follow", "the start", "x[0]", || {
             dynamics().follow(&[bad, 0.0], Direction::Increasing, options())
         });
+        t.refuses(
+            "stability::Dynamics::follow_observed",
+            "the start",
+            "x[0]",
+            || {
+                dynamics().follow_observed(&[bad, 0.0], Direction::Increasing, options(), |_| {
+                    ControlFlow::Continue(())
+                })
+            },
+        );
     }
     t.refuses(
         "stability::Dynamics::with_mass",
