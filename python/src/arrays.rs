@@ -193,6 +193,7 @@ pub(crate) fn counted(count: usize, what: &str) -> String {
     let plural = match what {
         "vertex" => "vertices",
         "continuum" => "continua",
+        "stretch" => "stretches",
         _ => return format!("{count} {what}{}", if count == 1 { "" } else { "s" }),
     };
     format!("{count} {}", if count == 1 { what } else { plural })

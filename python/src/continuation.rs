@@ -243,6 +243,12 @@ impl Branch {
     }
 }
 
+impl Branch {
+    pub(crate) fn transition(&self, py: Python<'_>, k: usize) -> Py<Transition> {
+        self.transitions[k].clone_ref(py)
+    }
+}
+
 #[pymethods]
 impl Branch {
     /// The points (y, parameter), shape (k, m).

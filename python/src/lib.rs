@@ -26,6 +26,7 @@ mod report;
 mod saving;
 mod sensitivity;
 mod solution;
+mod stability;
 mod structure;
 mod text;
 mod transition_set;
@@ -50,6 +51,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     continuation::register(module)?;
     transition_set::register(module)?;
     diagram::register(module)?;
+    stability::register(module)?;
     sensitivity::register(module)?;
     variational::register(module)?;
     friction::register(module)?;

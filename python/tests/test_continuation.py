@@ -385,10 +385,8 @@ def test_signs_and_colours_are_those_of_the_crate():
     from semismooth import _views
 
     signs, colours = signs_of_the_crate()
-    # Curves know nothing of stability in Python.
-    del signs["Hopf point"]
     drawn = {"○": ("o", "white"), "△": ("^", "white"), "□": ("s", "white"), "◇": ("D", "white"), "◆": ("D", "black")}
-    drawn |= {"×": ("x", "black"), "●": ("o", "black"), "⊗": ("$\\otimes$", "black"), "✱": ((6, 2, 0), "black"), "＋": ("+", "black")}
+    drawn |= {"×": ("x", "black"), "●": ("o", "black"), "⊗": ("$\\otimes$", "black"), "◉": ("$\\odot$", "black"), "✱": ((6, 2, 0), "black"), "＋": ("+", "black")}
     assert {kind: (m, fill) for kind, (m, _, fill) in _views._MARKERS.items()} == {kind: drawn[s] for kind, s in signs.items()}
     assert list(_views._COLOURS) == [colours[name] for name in ("BLUE", "RED", "GREEN", "PURPLE", "GREY")]
     assert set(_views._KINDS.values()) == set(signs) - {"value"}

@@ -117,6 +117,19 @@ def first_solution():
     sheared(weird).solve(1.0, max_increments=10**9, max_paths=10**9, max_points=10**9)
 
 
+def minimum():
+    # A function without a minimum, and one whose solution is not found.
+    ss.minimise(lambda x, p: -x[0], lambda x, p: x - p, 0.0, 0.0, max_iterations=10**9)
+
+
+def first_solve_of_a_minimum():
+    ss.minimise(lambda x, p: x[0], lambda x, p: np.sin(1e3 * x) + x**2 + 1 + p, np.zeros(300), 1.0)
+
+
+def stability():
+    ss.follow_equilibria(lambda x: [x[0] - np.sin(50 * x[1])], [0.0, 0.0], step=1e-6, max_step=1e-6, max_points=10**12)
+
+
 def arms():
     # At the start 2^40 selections meet, each with an arm.
     def residual(x):
@@ -140,6 +153,9 @@ WORK = [
     pivots,
     friction,
     first_solution,
+    minimum,
+    first_solve_of_a_minimum,
+    stability,
 ]
 
 

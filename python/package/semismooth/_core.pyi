@@ -17,6 +17,7 @@ __all__ = [
     "BatchSensitivity",
     "Body",
     "Bonded",
+    "BoundaryEquilibrium",
     "Branch",
     "BranchPoint",
     "CharacterChange",
@@ -39,6 +40,7 @@ __all__ = [
     "FrictionResult",
     "GivenBound",
     "HistorySensitivity",
+    "HopfPoint",
     "Lcp",
     "LemkeResult",
     "LimitedShear",
@@ -53,6 +55,8 @@ __all__ = [
     "Sensitivity",
     "Solution",
     "SolutionSet",
+    "Spectrum",
+    "StabilityBranch",
     "Transition",
     "TransitionCurve",
     "Vertex",
@@ -61,6 +65,7 @@ __all__ = [
     "diagram",
     "evolve",
     "follow",
+    "follow_equilibria",
     "history_sensitivity",
     "lemke",
     "minimise",
@@ -72,6 +77,7 @@ __all__ = [
     "solve_lcp",
     "solve_mcp",
     "solve_vi",
+    "spectrum",
     "trace",
     "traced_arctan2",
     "traced_clip",
@@ -240,6 +246,72 @@ def sensitivity(
     lower: ArrayLike | None = None,
     upper: ArrayLike | None = None,
 ) -> Sensitivity | Any: ...  # BatchSensitivity with a leading dimension
+
+@final
+class Spectrum:
+    @property
+    def eigenvalues(self) -> NDArray[np.complex128]: ...
+    @property
+    def unstable(self) -> int: ...
+    @property
+    def undecided(self) -> int: ...
+    @property
+    def stable(self) -> bool | None: ...
+
+@final
+class HopfPoint:
+    @property
+    def x(self) -> _Vector: ...
+    @property
+    def parameter(self) -> float: ...
+    @property
+    def frequency(self) -> float: ...
+    @property
+    def arclength(self) -> float: ...
+    @property
+    def spectrum(self) -> Spectrum: ...
+
+@final
+class BoundaryEquilibrium:
+    @property
+    def transition(self) -> Transition: ...
+    @property
+    def kind(self) -> str: ...
+    @property
+    def before(self) -> Spectrum: ...
+    @property
+    def after(self) -> Spectrum: ...
+
+@final
+class StabilityBranch:
+    @property
+    def branch(self) -> Branch: ...
+    @property
+    def hopf(self) -> list[HopfPoint]: ...
+    @property
+    def kinks(self) -> list[BoundaryEquilibrium]: ...
+    @property
+    def stretches(self) -> list[tuple[_Vector, _Vector, int]]: ...
+    @property
+    def unexplained(self) -> list[tuple[float, float]]: ...
+    def plot(self, ax: Any = None, x: _Drawn = None, y: _Drawn = None, **style: Any) -> Any: ...
+
+def spectrum(
+    H: Callable[[Any], Any] | Map,
+    x: ArrayLike,
+    mass: ArrayLike | None = None,
+) -> Spectrum: ...
+def follow_equilibria(
+    H: Callable[[Any], Any] | Map,
+    x0: ArrayLike,
+    parameter_range: tuple[float, float] | None = None,
+    direction: Literal["increasing", "decreasing"] | ArrayLike | None = None,
+    *,
+    mass: ArrayLike | None = None,
+    callback: Callable[[dict[str, Any]], Any] | None = None,
+    names: Sequence[str] | None = None,
+    **options: Unpack[_FollowOptions],
+) -> StabilityBranch: ...
 
 @final
 class MinimiseResult:

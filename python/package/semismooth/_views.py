@@ -24,6 +24,7 @@ _KINDS = {
     "branch point": "branching",
     "end": "end",
     "isolated": "isolated solution",
+    "Hopf point": "Hopf point",
     "continuum": "branching",
     "undecided": "undecided",
     "start": "start",
@@ -39,6 +40,7 @@ _MARKERS: dict[str, tuple[Any, float, str]] = {
     "end": ("x", 7, "black"),
     "isolated solution": ("o", 5, "black"),
     "undecided": ("$\\otimes$", 9, "black"),
+    "Hopf point": ("$\\odot$", 9, "black"),
     "start": ((6, 2, 0), 9, "black"),
     "value": ("+", 8, "black"),
 }
@@ -182,10 +184,10 @@ class _Picture:
             xs, ys = _values(points, self.x), _values(points, self.y)
             self.ax.plot(xs, ys, linestyle="", marker=marker, label=self.label(kind), **look)
 
-    def finish(self, negative: bool) -> Any:
+    def finish(self, dashed: bool, meaning: str = "det < 0") -> Any:
         ax = self.ax
-        if negative:
-            ax.plot([], [], color=_COLOURS[4], linestyle="--", label=self.label("det < 0"))
+        if dashed:
+            ax.plot([], [], color=_COLOURS[4], linestyle="--", label=self.label(meaning))
         ax.set_xlabel(ax.get_xlabel() or _label(self.x, self.names))
         ax.set_ylabel(ax.get_ylabel() or _label(self.y, self.names))
         if ax.get_legend_handles_labels()[0]:
@@ -207,6 +209,19 @@ def plot_branch(branch: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | No
     marks = list(zip(events, points))
     picture.marks(marks + [("start", points[0])] if len(points) else marks)
     return picture.finish(any(negative for _, negative in looks))
+
+
+def plot_stability(found: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | None) -> Any:
+    branch = found.branch
+    picture = _Picture(branch, ax, x, y, style)
+    look = {"color": _COLOURS[0], "label": "_line"}
+    for start, end, unstable in found.stretches:
+        ends = np.array([start, end])
+        lines = look | {"linestyle": "--" if unstable else "-"} | picture.style
+        picture.ax.plot(_values(ends, picture.x), _values(ends, picture.y), **lines)
+    marks = [*zip(branch.events, branch.points), *(("Hopf point", h.x) for h in found.hopf)]
+    picture.marks([*marks, ("start", branch.points[0])])
+    return picture.finish(any(unstable for *_, unstable in found.stretches), "unstable")
 
 
 def plot_diagram(diagram: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | None) -> Any:
