@@ -7,6 +7,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::arrays::python;
+use crate::batch::{BatchResult, BatchSensitivity, FrictionBatch};
 use crate::body::{Body, Load, Material};
 use crate::complementarity::{Lcp, LemkeResult, McpResult};
 use crate::contact::ContactProblem;
@@ -19,8 +20,10 @@ use crate::laws::{Bonded, Cohesion, Friction, GivenBound, LimitedShear};
 use crate::lists::{Continuum, Solution, SolutionSet};
 use crate::map::Map;
 use crate::mesh::Mesh;
+use crate::optimise::MinimiseResult;
 use crate::sensitivity::Sensitivity;
 use crate::solution::{ContactSolution, EvolutionStep};
+use crate::stability::{BoundaryEquilibrium, HopfPoint, Spectrum, StabilityBranch};
 use crate::transition_set::{CharacterChange, TransitionCurve};
 use crate::variational::{ConeResult, ViResult};
 
@@ -196,6 +199,8 @@ macro_rules! plain {
             }
         }
 
+        const PLAIN: &[&str] = &[$(stringify!($class)),*];
+
         fn made<'py>(py: Python<'py>, name: &str, state: &Bound<'py, PyDict>) -> PyResult<Option<Bound<'py, PyAny>>> {
             Ok(Some(match name {
                 $(stringify!($class) => {
@@ -217,10 +222,20 @@ plain! {
     ViResult { x, status, residual, inequalities, equations, lower, upper, ray, certificate, within_rounding, iterations, history }
     ConeResult { x, status, residual, error, ray, radius, iterations, history }
     FrictionResult { reactions, velocities, states, status, residual, factorisations, history }
+    BatchResult { x, status, solved, messages, residual, error, iterations, sensitivity }
+    FrictionBatch { reactions, velocities, status, solved, messages, residual }
+    MinimiseResult {
+        params, x, value, status, message, subgradient, subgradient_norm, gradient_norm, error, radius, multipliers, iterations,
+        evaluations, failures, history, time,
+    }
     Solution { x, pieces, det_signs, margin, index, residual, continuum }
     Continuum { pieces, dimension, point, ends, directions, described }
     SolutionSet { solutions, points, continua, complete, status, residual, completeness, index_sum, nodes }
     Fold { x, parameter, kind, arclength }
+    Spectrum { eigenvalues, unstable, undecided }
+    HopfPoint { x, parameter, frequency, arclength, spectrum }
+    BoundaryEquilibrium { transition, kind, before, after }
+    StabilityBranch { branch, hopf, kinks, stretches, unexplained }
     BranchPoint { x, parameter, arms, followed, complete, arclength }
     Crossing { name, x, parameter, arclength, edge }
     CharacterChange { x, folds_before }
@@ -257,6 +272,7 @@ own!(
     Diagram,
     Map,
     Sensitivity,
+    BatchSensitivity,
     Lcp,
     Mesh,
     Material,
@@ -275,25 +291,7 @@ own!(
 /// The names of all classes whose objects can be saved.
 #[pyfunction]
 fn _saved_classes() -> Vec<&'static str> {
-    let plain = [
-        "McpResult",
-        "LemkeResult",
-        "ViResult",
-        "ConeResult",
-        "FrictionResult",
-        "Solution",
-        "Continuum",
-        "SolutionSet",
-        "Fold",
-        "BranchPoint",
-        "Crossing",
-        "CharacterChange",
-        "TransitionCurve",
-        "Vertex",
-        "Edge",
-        "EvolutionStep",
-    ];
-    plain.iter().chain(OWN).copied().collect()
+    PLAIN.iter().chain(OWN).copied().collect()
 }
 
 /// The data of an object, by name.

@@ -32,6 +32,9 @@ def test_lcps_are_solved_as_one_by_one():
     starts = ss.solve_lcp(M[0], q[0], x0=np.ones((3, 6)))
     np.testing.assert_allclose(starts.x, np.tile(found.x[0], (3, 1)), atol=1e-9)
     assert ss.solve_lcp(M[:0], q[:0]).x.shape == (0, 6)
+    # Nothing is asked of members without unknowns.
+    empty = ss.solve_lcp(np.zeros((3, 0, 0)), np.zeros((3, 0)))
+    assert empty.solved.all() and empty.x.shape == (3, 0) and repr(empty) == "<BatchResult: 3 of 3 solved>"
 
 
 def test_failures_are_marked_one_by_one():

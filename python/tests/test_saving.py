@@ -74,6 +74,23 @@ def made():
         ss.follow(problem, solution, parameter_range=(0.0, 0.5)),
         ss.diagram(problem, solution, parameter_range=(0.0, 0.5)),
     ]
+    M, q = np.stack([np.eye(2), -np.eye(2)]), np.array([[-1.0, 1.0], [-1.0, 1.0]])
+    grow = ss.follow_equilibria(lambda x: [x[2] * x[0] - x[1], x[0] + x[2] * x[1] - abs(x[2] - 0.5) * 0], [0.0, 0.0, -1.0], (-1.0, 1.0))
+    kinked = ss.follow_equilibria(lambda x: [x[1] - abs(x[0])], [1.0, 1.0], (-1.0, 1.0), "decreasing")
+    results += [
+        ss.solve_lcp(M, q),
+        ss.solve_lcp(np.zeros((2, 0, 0)), np.zeros((2, 0))),
+        ss.solve_mcp(lambda x, p: x - p, 0, [[1.0], [2.0]], 0.0, params=[[0.5], [np.nan]]),
+        ss.solve_mcp(lambda x, p: x - p, 0, 1, 0.0, params=[[0.5], [0.6], [0.7]]),
+        ss.sensitivity(lambda x, p: x - p, [[0.5], [0.6]], [[0.5], [0.6]]),
+        ss.solve_friction(np.eye(2), [-1.0, 0.5], [[0.3], [np.nan]]),
+        ss.minimise(lambda q, p: p * (p + q - 10), lambda q, p: 2 * q + p - 10, 1.0, 1.0, lower=0.0, p_lower=0.0, p_upper=20.0),
+        grow,
+        kinked,
+        grow.hopf[0],
+        kinked.kinks[0],
+        ss.spectrum(lambda x: [x[2] * x[0] - x[1], x[0] + x[2] * x[1]], [0.0, 0.0, -0.5]),
+    ]
     results += [ss.sensitivity(lambda x, p: abs(x) + 2 * x - p, 1.0, 3.0), ss.solve_mcp(lambda x, p: x - p, 0, 1, 0.0, params=0.5)]
     parts = [*branch.transitions, *branch.folds, *branch.crossings, *diagram.vertices, *diagram.edges, *diagram.crossings, *lists.solutions]
     return results + parts + list(lists.continua)
@@ -126,6 +143,17 @@ def test_what_was_restored_works():
     assert traced([2.0, 0.5]) == pytest.approx(0.25) and traced.num_sites == 2
     again = ss.follow(traced, branch.points[0], parameter_range=(0.0, 2.0))
     np.testing.assert_array_equal(again.points[-1], branch.points[-1])
+
+
+def test_restored_batches_work():
+    whole = ss.solve_mcp(lambda x, p: x - p, 0, [[1.0], [2.0]], 0.0, params=[[0.5], [np.nan]])
+    again = pickle.loads(pickle.dumps(whole))
+    assert again.messages == whole.messages and list(again.messages) == [1]
+    with pytest.warns(UserWarning, match="1 member"):
+        np.testing.assert_array_equal(again.jvp([1.0]), [[1.0], [np.nan]])
+    state = _core._state(whole.sensitivity)
+    with pytest.raises(ValueError, match="another batch"):
+        _core._restored("BatchSensitivity", state | {"x": [0.0]})
 
 
 def test_tables_of_what_was_restored_have_its_names():

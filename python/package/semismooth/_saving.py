@@ -30,7 +30,9 @@ def _encoded(value: Any) -> Any:
     if _CLASSES.get(name) is type(value):
         return {"class": name, "state": {key: _encoded(v) for key, v in _core._state(value).items()}}
     if isinstance(value, np.ndarray):
-        return {"array": value.tolist(), "shape": list(value.shape), "type": value.dtype.str}
+        # JSON has no complex numbers.
+        flat = value.ravel().view(np.float64) if value.dtype == np.complex128 else value
+        return {"array": flat.tolist(), "shape": list(value.shape), "type": value.dtype.str}
     if hasattr(value, "tocsc"):
         csc = value.tocsc()
         return {"sparse": [_encoded(part) for part in (csc.data, csc.indices, csc.indptr)], "shape": list(csc.shape)}
@@ -39,7 +41,10 @@ def _encoded(value: Any) -> Any:
     if isinstance(value, list):
         return [_encoded(v) for v in value]
     if isinstance(value, dict):
-        return {"dict": {str(key): _encoded(v) for key, v in value.items()}}
+        if all(isinstance(key, str) for key in value):
+            return {"dict": {key: _encoded(v) for key, v in value.items()}}
+        # The names of JSON are texts; those of members are numbers.
+        return {"pairs": [[_encoded(key), _encoded(v)] for key, v in value.items()]}
     if isinstance(value, (str, int, float, bool, type(None))):
         return value
     raise TypeError(f"a {name} cannot be saved in a file: use pickle")
@@ -56,13 +61,16 @@ def _decoded(value: Any) -> Any:
         kind = np.dtype(value["type"])
         if kind.hasobject:
             raise ValueError("an array of objects in a saved file")
-        return np.array(value["array"], dtype=kind).reshape(value["shape"])
+        own = np.float64 if kind == np.complex128 else kind
+        return np.array(value["array"], dtype=own).view(kind).reshape(value["shape"])
     if "sparse" in value:
         from scipy.sparse import csc_matrix
 
         return csc_matrix(tuple(_decoded(part) for part in value["sparse"]), shape=value["shape"])
     if "tuple" in value:
         return tuple(_decoded(v) for v in value["tuple"])
+    if "pairs" in value:
+        return {_decoded(key): _decoded(v) for key, v in value["pairs"]}
     return {key: _decoded(v) for key, v in value["dict"].items()}
 
 

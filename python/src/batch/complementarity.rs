@@ -27,6 +27,19 @@ struct Member {
 }
 
 impl Member {
+    /// One without unknowns: the library takes no such problem, but in a batch its members are rows of no
+    /// numbers that satisfy no conditions.
+    fn empty() -> Self {
+        Self {
+            x: Vec::new(),
+            status: Status::Solved.name(),
+            message: None,
+            residual: 0.0,
+            error: 0.0,
+            iterations: 0,
+        }
+    }
+
     /// One that is no problem.
     fn invalid(n: usize, message: String) -> Self {
         Self {
@@ -175,6 +188,9 @@ pub(crate) fn lcps(
     let pattern = Pattern::full(n, n);
     let all = Run::watched(py, |run| {
         let each = |solver: &mut McpSolver, i: usize| {
+            if n == 0 {
+                return Member::empty();
+            }
             let bounds = (lower.get(i).to_vec(), upper.get(i).to_vec());
             let problem = (square(&pattern, M.get(i)).map_err(raised))
                 .and_then(|m| Lcp::boxed(m, q.get(i).to_vec(), bounds.0, bounds.1).map_err(raised));

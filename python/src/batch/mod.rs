@@ -17,9 +17,9 @@ use semismooth::sparse::{Matrix, Pattern};
 use crate::arrays::{counted, real};
 use crate::errors::lock;
 
-pub(crate) use complementarity::{lcps, mcps};
-pub(crate) use friction::frictions;
-pub(crate) use sensitivity::sensitivities;
+pub(crate) use complementarity::{BatchResult, lcps, mcps};
+pub(crate) use friction::{FrictionBatch, frictions};
+pub(crate) use sensitivity::{BatchSensitivity, sensitivities};
 
 /// Members that share a solver, one after another: so few that all cores have work, and fixed, so that results do not depend on their number.
 const TOGETHER: usize = 16;
@@ -195,7 +195,7 @@ fn square(pattern: &Pattern, rows: &[f64]) -> Result<Matrix, InputError> {
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<complementarity::BatchResult>()?;
-    module.add_class::<sensitivity::BatchSensitivity>()?;
-    module.add_class::<friction::FrictionBatch>()
+    module.add_class::<BatchResult>()?;
+    module.add_class::<BatchSensitivity>()?;
+    module.add_class::<FrictionBatch>()
 }

@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
 use semismooth::piecewise::Traced;
 use semismooth::sensitivity::SensitivityError;
 
@@ -14,6 +15,7 @@ use super::{Given, Members, count, given, members_or, parts};
 use crate::arrays::counted;
 use crate::errors::Run;
 use crate::map::{Map, Watched, trace_two};
+use crate::saving::{data, data_of, field, state_of};
 
 type Found = semismooth::sensitivity::Sensitivity<Traced<Watched<'static>>>;
 
@@ -23,7 +25,7 @@ type Found = semismooth::sensitivity::Sensitivity<Traced<Watched<'static>>>;
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct BatchSensitivity {
     /// One map for all members, or one each where bounds differ.
-    maps: Vec<Map>,
+    maps: Vec<Py<Map>>,
     sizes: (usize, usize),
     x: Vec<f64>,
     params: Vec<f64>,
@@ -47,13 +49,57 @@ impl BatchSensitivity {
             unsolved.len()
         };
         let natural = |i: usize| map.natural(&lower[i * n..(i + 1) * n], &upper[i * n..(i + 1) * n]);
+        let maps: Vec<Map> = py.detach(|| (0..maps).map(natural).collect());
         Ok(Self {
-            maps: py.detach(|| (0..maps).map(natural).collect()),
+            maps: maps
+                .into_iter()
+                .map(|map| Py::new(py, map))
+                .collect::<PyResult<_>>()?,
             sizes: (n, k),
             x,
             params,
             unsolved,
         })
+    }
+
+    pub(crate) fn state<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (py, own) = (slf.py(), slf.get());
+        state_of(
+            py,
+            &[
+                (
+                    "maps",
+                    PyList::new(py, own.maps.iter().map(|map| map.bind(py)))?.into_any(),
+                ),
+                ("sizes", data_of(py, &own.sizes)?),
+                ("x", data_of(py, &own.x)?),
+                ("params", data_of(py, &own.params)?),
+                ("unsolved", data_of(py, &own.unsolved)?),
+            ],
+        )
+    }
+
+    pub(crate) fn restored<'py>(py: Python<'py>, state: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+        let made = Self {
+            maps: field(state, "maps")?,
+            sizes: data(state, "sizes")?,
+            x: data(state, "x")?,
+            params: data(state, "params")?,
+            unsolved: data(state, "unsolved")?,
+        };
+        let (n, k) = made.sizes;
+        let members = made.unsolved.len();
+        // A file may have been changed; each member finds its numbers.
+        let lengths = [(made.x.len(), members * n), (made.params.len(), members * k)];
+        if lengths.iter().any(|(found, expected)| found != expected)
+            || !(made.maps.len() == members || made.maps.len() == 1)
+        {
+            return Err(PyValueError::new_err(format!(
+                "the saved state has numbers for another batch than one of {}",
+                counted(members, "member")
+            )));
+        }
+        Ok(Bound::new(py, made)?.into_any())
     }
 
     /// `work` for all members, and why it failed for some.
@@ -71,7 +117,7 @@ impl BatchSensitivity {
                 if run.flow() == ControlFlow::Break(()) {
                     return Err("interrupted".to_owned());
                 }
-                let map = self.maps[if self.maps.len() == 1 { 0 } else { i }].free();
+                let map = self.maps[if self.maps.len() == 1 { 0 } else { i }].get().free();
                 let (x, p) = (&self.x[i * n..(i + 1) * n], &self.params[i * k..(i + 1) * k]);
                 let found = Found::new(map, x, p).and_then(|mut found| work(i, &mut found));
                 found.map_err(|e| e.to_string())
