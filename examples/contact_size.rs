@@ -29,7 +29,7 @@ use semismooth::contact::{
 };
 use semismooth::continuation::{Continuation, ContinuationOptions, Direction, Event};
 use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh, read_gmsh};
-use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::piecewise::PiecewiseSmoothExt;
 
 /// Times the phases of contact problems on finer and finer meshes.
 #[derive(Parser)]

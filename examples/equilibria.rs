@@ -18,7 +18,7 @@ use common::{Outcome, count, ensure, exit, file_in};
 use semismooth::complementarity::{Autodiff, Mcp, McpSolver, SmoothFunction};
 use semismooth::continuation::{ContinuationOptions, Diagram, DiagramOptions, VertexKind};
 use semismooth::output::{BranchDiagram, Colour, Panel, SegmentStyle};
-use semismooth::piecewise::{PiecewiseSmooth, Real, Selection};
+use semismooth::piecewise::{PiecewiseSmoothExt, Real, Selection};
 
 /// x = (x₁₁, x₂₁, λ₁, x₁₂, x₂₂, λ₂, p, r).
 struct Economy;

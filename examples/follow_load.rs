@@ -16,7 +16,7 @@ use common::{Outcome, count, ensure, exit, file_in, list, shipped_folder};
 use semismooth::contact::{CondensedContact, ContactState, PlanarCoulomb, read_folder};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, Transition};
 use semismooth::output::{BranchDiagram, Colour, Column, Curve, Panel, SegmentStyle, write_csv};
-use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt};
 use serde_json::json;
 
 /// Follows the load path (1 − γ) f0 + γ f1 of a discrete friction problem from γ = 0 on.

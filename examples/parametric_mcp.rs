@@ -19,7 +19,7 @@ use common::{Outcome, count, exit, file_in};
 use semismooth::complementarity::{Autodiff, Mcp, McpFunction, McpSolver, SmoothFunction};
 use semismooth::continuation::{ContinuationOptions, Diagram, DiagramOptions};
 use semismooth::output::{BranchDiagram, Colour, Panel, SegmentStyle};
-use semismooth::piecewise::{PiecewiseSmooth, Real};
+use semismooth::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Real};
 
 #[derive(Parser)]
 #[command(about = "Several equilibria in a parameter: Kehoe's economy, Kojima-Shindo")]

@@ -37,7 +37,7 @@ use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::linear::{Cholesky, Prolongation};
 use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::output::{Colour, Panel};
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{Derivatives, Facet, PiecewiseSmooth, Selection, Structure};
 use semismooth::run::Status;
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -148,13 +148,6 @@ impl PiecewiseSmooth for Yosida {
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         out.iter_mut().zip(x).for_each(|(t, y)| *t = y - BOUND);
     }
-    fn test_derivatives(&self, _: &[f64], d: &[f64], out: &mut [f64]) {
-        out.copy_from_slice(&d[..self.points()]);
-    }
-    fn test_gradient(&self, site: usize, _: usize, _: &[f64], gradient: &mut [f64]) {
-        gradient.fill(0.0);
-        gradient[site] = 1.0;
-    }
     fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
         let (y, gamma) = (&x[..self.points()], 10_f64.powf(x[self.points()]));
         self.stiffness.mul_vec(y, out);
@@ -177,6 +170,25 @@ impl PiecewiseSmooth for Yosida {
         Pattern::from_entries(n, n + 1, entries.chain((0..n).map(|k| (k, n))))
             .unwrap_or_else(|_| Pattern::full(n, n + 1))
     }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Yosida {
+    fn test_derivatives(&self, _: &[f64], d: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(&d[..self.points()]);
+    }
+    fn test_gradient(&self, site: usize, _: usize, _: &[f64], gradient: &mut [f64]) {
+        gradient.fill(0.0);
+        gradient[site] = 1.0;
+    }
+}
+
+impl Structure for Yosida {
     fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
         rows.clear();
         rows.push(site);

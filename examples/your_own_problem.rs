@@ -13,7 +13,7 @@ use clap::Parser;
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
-use semismooth::piecewise::{Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Traced};
+use semismooth::piecewise::{Kinks, NonsmoothFunction, PiecewiseSmoothExt, Real, Traced};
 
 /// x = (current i, voltage v of the tunnel diode, reverse voltage w of the rectifier, source voltage e), in mA and V.
 pub(crate) struct TunnelDiode;

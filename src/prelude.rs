@@ -26,7 +26,9 @@ pub use crate::continuation::{
 };
 pub use crate::enumeration::{EnumerationOptions, all_arms, all_solutions};
 pub use crate::newton::{Newton, NewtonError, NewtonOptions};
-pub use crate::piecewise::{Facet, MinMap, PiecewiseError, PiecewiseSmooth, Real, Selection, Semismooth};
+pub use crate::piecewise::{
+    Facet, MinMap, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Real, Selection, Semismooth,
+};
 #[cfg(feature = "autodiff")]
 pub use crate::piecewise::{Formula, Kinks, NonsmoothFunction, Traced};
 pub use crate::run::Status;

@@ -18,7 +18,7 @@ use semismooth::fem::{CellKind, Dilatation, PlaneModel};
 use semismooth::linear::{IncompleteLu, Krylov, KrylovMethod, Preconditioned, Preconditioner};
 use semismooth::newton::{Newton, NewtonError};
 use semismooth::piecewise::check::{CheckOptions, check};
-use semismooth::piecewise::{MinMap, PiecewiseSmooth};
+use semismooth::piecewise::{MinMap, PiecewiseSmoothExt};
 use semismooth::sparse::Matrix;
 
 /// Each value is read back from its text, and unknown words are refused with the list of known ones.

@@ -6,7 +6,7 @@ use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLike1, PyArrayLike2, PyA
 use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection};
 use semismooth::sparse::{Matrix, Pattern};
 use serde::Serialize;
 use serde::de::DeserializeOwned;

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyIterator, PyList};
 use semismooth::continuation::{FoundSolution, FoundSolutions, SearchOptions, search_solutions_observed};
 use semismooth::enumeration::{self, Completeness, EnumerationError, EnumerationOptions};
-use semismooth::piecewise::{self, PiecewiseSmooth, Selection, TestLayout, cell_margin};
+use semismooth::piecewise::{self, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, cell_margin};
 
 use crate::arrays::{counted, names, rows, vector};
 use crate::complementarity::Lcp;

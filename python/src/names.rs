@@ -2,7 +2,7 @@
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection};
 use serde::{Deserialize, Serialize};
 
 use crate::continuation::Problem;

@@ -7,7 +7,7 @@ use std::time::Duration;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use semismooth::output::{Report, ReportOptions};
-use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt};
 
 use crate::arrays::vector;
 use crate::contact::{ContactProblem, Form};

@@ -5,7 +5,8 @@ use std::borrow::Cow;
 use super::{AffineFunction, Mcp, McpFunction};
 use crate::exact::passive_bounds;
 use crate::piecewise::{
-    Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, Facet, PiecewiseSmooth, Selection,
+    Derivatives, Description, Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, Facet,
+    PiecewiseSmooth, Selection, Structure,
 };
 use crate::sparse::{Matrix, Pattern};
 
@@ -100,19 +101,6 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
         }
     }
 
-    fn exact(&self) -> Option<&dyn ExactPieces> {
-        // With one parameter at most.
-        let is_stated =
-            self.function().num_vars() <= self.len() + 1 && self.function().coefficients().is_some();
-        is_stated.then_some(self)
-    }
-
-    /// One size for all unknowns of an affine problem; 1 for others, whose size is unknown.
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        let n = self.len();
-        sizes[..n].fill(self.size());
-    }
-
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         let mut f = vec![0.0; self.len()];
         self.function().value(x, &mut f);
@@ -151,6 +139,59 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
         self.jacobian_pattern().clone()
     }
 
+    fn is_piecewise_affine(&self) -> bool {
+        self.function().is_affine()
+    }
+
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl<F: McpFunction> Derivatives for Mcp<F> {
+    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
+        let mut jd = vec![0.0; self.len()];
+        self.jacobian_at(x).mul_vec(d, &mut jd);
+        self.each_test(|k, i, _| out[k] = d[i] - self.factor(i) * jd[i]);
+    }
+
+    fn test_gradient(&self, site: usize, _test: usize, x: &[f64], gradient: &mut [f64]) {
+        let jac = self.jacobian_at(x);
+        for j in 0..gradient.len() {
+            gradient[j] = f64::from(u8::from(j == site)) - self.factor(site) * jac.get(site, j);
+        }
+    }
+}
+
+impl<F: McpFunction> Structure for Mcp<F> {
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        // With one parameter at most.
+        let is_stated =
+            self.function().num_vars() <= self.len() + 1 && self.function().coefficients().is_some();
+        is_stated.then_some(self)
+    }
+
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        rows.clear();
+        rows.push(site);
+    }
+}
+
+impl<F: McpFunction> Description for Mcp<F> {
+    /// One size for all unknowns of an affine problem; 1 for others, whose size is unknown.
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        let n = self.len();
+        sizes[..n].fill(self.size());
+    }
+
     fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
         let pieces = self.pieces_of(site);
         Cow::Borrowed(match pieces[piece.min(pieces.len() - 1)] {
@@ -163,28 +204,6 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
 
     fn site_name(&self, site: usize) -> Cow<'_, str> {
         Cow::Owned(self.name(site))
-    }
-
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        rows.clear();
-        rows.push(site);
-    }
-
-    fn is_piecewise_affine(&self) -> bool {
-        self.function().is_affine()
-    }
-
-    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
-        let mut jd = vec![0.0; self.len()];
-        self.jacobian_at(x).mul_vec(d, &mut jd);
-        self.each_test(|k, i, _| out[k] = d[i] - self.factor(i) * jd[i]);
-    }
-
-    fn test_gradient(&self, site: usize, _test: usize, x: &[f64], gradient: &mut [f64]) {
-        let jac = self.jacobian_at(x);
-        for j in 0..gradient.len() {
-            gradient[j] = f64::from(u8::from(j == site)) - self.factor(site) * jac.get(site, j);
-        }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::{Mcp, McpFunction};
-use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::piecewise::{Derivatives, Description, Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
 
 /// Robinson's normal map F(x) + z − x, x = mid(l, u, z), of an MCP (S. M. Robinson, 1992).
@@ -94,10 +94,6 @@ impl<F: McpFunction> PiecewiseSmooth for NormalMap<'_, F> {
         self.problem.cell(site, piece)
     }
 
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        self.problem.typical_sizes(sizes);
-    }
-
     fn test_functions(&self, z: &[f64], out: &mut [f64]) {
         self.problem.each_test(|k, i, bound| out[k] = z[i] - bound);
     }
@@ -127,18 +123,20 @@ impl<F: McpFunction> PiecewiseSmooth for NormalMap<'_, F> {
         self.problem.jacobian_pattern().clone()
     }
 
-    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
-        self.problem.piece_name(site, piece)
-    }
-
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        self.problem.site_name(site)
-    }
-
     fn is_piecewise_affine(&self) -> bool {
         self.problem.function().is_affine()
     }
 
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl<F: McpFunction> Derivatives for NormalMap<'_, F> {
     fn test_derivatives(&self, _z: &[f64], d: &[f64], out: &mut [f64]) {
         self.problem.each_test(|k, i, _| out[k] = d[i]);
     }
@@ -146,5 +144,19 @@ impl<F: McpFunction> PiecewiseSmooth for NormalMap<'_, F> {
     fn test_gradient(&self, site: usize, _test: usize, _z: &[f64], gradient: &mut [f64]) {
         gradient.fill(0.0);
         gradient[site] = 1.0;
+    }
+}
+
+impl<F: McpFunction> Description for NormalMap<'_, F> {
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        self.problem.typical_sizes(sizes);
+    }
+
+    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
+        self.problem.piece_name(site, piece)
+    }
+
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        self.problem.site_name(site)
     }
 }

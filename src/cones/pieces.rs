@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::Cone;
 use crate::complementarity::{ComplementarityError, McpFunction, Scratch};
 use crate::input::check_length;
-use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::piecewise::{Derivatives, Description, Facet, PiecewiseSmooth, Selection, Structure};
 use crate::sparse::{Matrix, Pattern, max_abs};
 use crate::tolerances::HALF_DIGITS;
 
@@ -231,28 +231,6 @@ impl<F: McpFunction> PiecewiseSmooth for ConePieces<F> {
         self.pattern.clone()
     }
 
-    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
-        Cow::Borrowed(match (self.sites[site].len(), piece) {
-            (_, INSIDE) => "interior",
-            (1, _) => "zero",
-            (_, BETWEEN) => "boundary",
-            _ => "tip",
-        })
-    }
-
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        let range = &self.sites[site];
-        Cow::Owned(match range.len() {
-            1 => format!("variable {}", range.start),
-            _ => format!("the cone of variables {} to {}", range.start, range.end - 1),
-        })
-    }
-
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        rows.clear();
-        rows.extend(self.sites[site].clone());
-    }
-
     fn is_piecewise_affine(&self) -> bool {
         self.function.is_affine() && self.sites.iter().all(|site| site.len() == 1)
     }
@@ -267,41 +245,6 @@ impl<F: McpFunction> PiecewiseSmooth for ConePieces<F> {
             let count = if site.len() == 1 { 1 } else { 2 };
             out.by_ref().take(count).zip(values).for_each(|(o, v)| *o = v);
         }
-    }
-
-    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
-        let work = &mut *self.work.lock();
-        self.set(x, work);
-        self.set_slope(x, work);
-        self.set_direction(d, work);
-        let mut out = out.iter_mut();
-        for site in &self.sites {
-            let rate = Block::new(&work.z[site.clone()]).rate(&work.dz[site.start + 1..site.end]);
-            let t = work.dz[site.start];
-            let count = if site.len() == 1 { 1 } else { 2 };
-            out.by_ref()
-                .take(count)
-                .zip([t - rate, t + rate])
-                .for_each(|(o, v)| *o = v);
-        }
-    }
-
-    fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
-        let work = &mut *self.work.lock();
-        self.set(x, work);
-        self.set_slope(x, work);
-        gradient.fill(0.0);
-        let range = self.sites[site].clone();
-        let block = Block::new(&work.z[range.clone()]);
-        let sign = if test == 0 { -1.0 } else { 1.0 };
-        let mut of_z = vec![0.0; self.num_residuals()];
-        of_z[range.start] = 1.0;
-        if block.norm > 0.0 {
-            let parts = of_z[range.start + 1..range.end].iter_mut().zip(block.v);
-            parts.for_each(|(g, v)| *g = sign * v / block.norm);
-        }
-        gradient[..of_z.len()].copy_from_slice(&of_z);
-        work.slope.as_ref().mul_transpose_add(-1.0, &of_z, gradient);
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
@@ -370,5 +313,80 @@ impl<F: McpFunction> PiecewiseSmooth for ConePieces<F> {
                 Some(_) => {}
             }
         }
+    }
+
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl<F: McpFunction> Derivatives for ConePieces<F> {
+    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
+        let work = &mut *self.work.lock();
+        self.set(x, work);
+        self.set_slope(x, work);
+        self.set_direction(d, work);
+        let mut out = out.iter_mut();
+        for site in &self.sites {
+            let rate = Block::new(&work.z[site.clone()]).rate(&work.dz[site.start + 1..site.end]);
+            let t = work.dz[site.start];
+            let count = if site.len() == 1 { 1 } else { 2 };
+            out.by_ref()
+                .take(count)
+                .zip([t - rate, t + rate])
+                .for_each(|(o, v)| *o = v);
+        }
+    }
+
+    fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
+        let work = &mut *self.work.lock();
+        self.set(x, work);
+        self.set_slope(x, work);
+        gradient.fill(0.0);
+        let range = self.sites[site].clone();
+        let block = Block::new(&work.z[range.clone()]);
+        let sign = if test == 0 { -1.0 } else { 1.0 };
+        let mut of_z = vec![0.0; self.num_residuals()];
+        of_z[range.start] = 1.0;
+        if block.norm > 0.0 {
+            let parts = of_z[range.start + 1..range.end].iter_mut().zip(block.v);
+            parts.for_each(|(g, v)| *g = sign * v / block.norm);
+        }
+        gradient[..of_z.len()].copy_from_slice(&of_z);
+        work.slope.as_ref().mul_transpose_add(-1.0, &of_z, gradient);
+    }
+}
+
+impl<F: McpFunction> Structure for ConePieces<F> {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        rows.clear();
+        rows.extend(self.sites[site].clone());
+    }
+}
+
+impl<F: McpFunction> Description for ConePieces<F> {
+    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
+        Cow::Borrowed(match (self.sites[site].len(), piece) {
+            (_, INSIDE) => "interior",
+            (1, _) => "zero",
+            (_, BETWEEN) => "boundary",
+            _ => "tip",
+        })
+    }
+
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        let range = &self.sites[site];
+        Cow::Owned(match range.len() {
+            1 => format!("variable {}", range.start),
+            _ => format!("the cone of variables {} to {}", range.start, range.end - 1),
+        })
     }
 }

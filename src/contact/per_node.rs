@@ -3,7 +3,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::ContactBody;
 use super::law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
-use crate::piecewise::{ExactPieces, Facet, PiecewiseSmooth, Selection};
+use crate::piecewise::{Derivatives, Description, ExactPieces, Facet, PiecewiseSmooth, Selection, Structure};
 use crate::sparse::{Matrix, Pattern};
 
 /// The augmentation parameter relative to the stiffness of a single contact node with all other nodes fixed: on meshes a node is about four
@@ -252,20 +252,6 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
         self.law.cell(piece)
     }
 
-    fn piece_name(&self, _site: usize, piece: usize) -> Cow<'_, str> {
-        Cow::Borrowed(self.law.piece_name(piece))
-    }
-
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        Cow::Owned(format!("contact node {site}"))
-    }
-
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        let p = self.body.num_contacts();
-        rows.clear();
-        rows.extend((0..self.directions()).map(|block| block * p + site));
-    }
-
     fn pattern(&self) -> Pattern {
         let (p, q, blocks) = (self.body.num_contacts(), self.num_traces(), self.directions());
         let mut columns: Vec<Vec<usize>> = Vec::with_capacity(2 * q + self.parameters);
@@ -288,30 +274,8 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
         self.law.is_affine()
     }
 
-    fn exact(&self) -> Option<&dyn ExactPieces> {
-        self.states_coefficients().then_some(self)
-    }
-
     fn test_functions(&self, z: &[f64], out: &mut [f64]) {
         self.tests_of_all(z, self.scale, out);
-    }
-
-    fn reported_tests(&self, z: &[f64], out: &mut [f64]) -> bool {
-        if self.r == self.scale {
-            return false;
-        }
-        self.tests_of_all(z, self.r, out);
-        true
-    }
-
-    fn in_prescribed_scale(&self) -> Option<Box<dyn PiecewiseSmooth + '_>> {
-        if self.r == self.scale {
-            return None;
-        }
-        let mut other = self.under(&self.law as &dyn NodeLaw);
-        other.history.clone_from(&self.history);
-        other.scale = self.r;
-        Some(Box::new(other))
     }
 
     fn residual(&self, selection: &Selection, z: &[f64], out: &mut [f64]) {
@@ -330,11 +294,20 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
         }
     }
 
-    fn site_jacobian(&self, site: usize, selection: &Selection, z: &[f64], jac: &mut Matrix) -> bool {
-        self.add_rows(site, selection.piece(site), z, jac);
-        true
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
     }
 
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl<L: NodeLaw> Derivatives for PerNode<L> {
     fn test_derivatives(&self, z: &[f64], d: &[f64], out: &mut [f64]) {
         let (p, q) = (self.body.num_contacts(), self.num_traces());
         let constant = self.constant_rows();
@@ -371,6 +344,51 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
         self.scatter(site, &rows[test.min(MAX_TESTS - 1)], |k, value| {
             gradient[k] += value
         });
+    }
+}
+
+impl<L: NodeLaw> Structure for PerNode<L> {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        let p = self.body.num_contacts();
+        rows.clear();
+        rows.extend((0..self.directions()).map(|block| block * p + site));
+    }
+
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        self.states_coefficients().then_some(self)
+    }
+
+    fn site_jacobian(&self, site: usize, selection: &Selection, z: &[f64], jac: &mut Matrix) -> bool {
+        self.add_rows(site, selection.piece(site), z, jac);
+        true
+    }
+}
+
+impl<L: NodeLaw> Description for PerNode<L> {
+    fn piece_name(&self, _site: usize, piece: usize) -> Cow<'_, str> {
+        Cow::Borrowed(self.law.piece_name(piece))
+    }
+
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        Cow::Owned(format!("contact node {site}"))
+    }
+
+    fn reported_tests(&self, z: &[f64], out: &mut [f64]) -> bool {
+        if self.r == self.scale {
+            return false;
+        }
+        self.tests_of_all(z, self.r, out);
+        true
+    }
+
+    fn in_prescribed_scale(&self) -> Option<Box<dyn PiecewiseSmooth + '_>> {
+        if self.r == self.scale {
+            return None;
+        }
+        let mut other = self.under(&self.law as &dyn NodeLaw);
+        other.history.clone_from(&self.history);
+        other.scale = self.r;
+        Some(Box::new(other))
     }
 }
 

@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 use super::engine::Curve;
 use super::{ContinuationError, Event, Point, Termination};
 use crate::linear::AutoSolver;
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::{PiecewiseSmooth, Scaled};
 
 /// Follows a solution curve of H(x) = 0, x = (y, α), through its kinks: an iterator of [events](Event).
 ///
@@ -35,12 +35,12 @@ use crate::piecewise::PiecewiseSmooth;
 /// # Ok::<(), semismooth::continuation::ContinuationError>(())
 /// ```
 pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
-    pub(super) curve: Curve<'a, &'a P>,
+    pub(super) curve: Curve<'a, Scaled<&'a P>>,
     solver: PhantomData<L>,
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized, L> Continuation<'a, P, L> {
-    pub(super) fn of(curve: Curve<'a, &'a P>) -> Self {
+    pub(super) fn of(curve: Curve<'a, Scaled<&'a P>>) -> Self {
         Self {
             curve,
             solver: PhantomData,

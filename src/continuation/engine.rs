@@ -6,7 +6,9 @@ use super::{ContinuationError, ContinuationOptions, Event, Point, PointKind, Ter
 use crate::clock::{Clock, Deadline};
 use crate::linear::LinearSolver;
 use crate::newton::MoorePenrose;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing};
+use crate::piecewise::{
+    PiecewiseError, PiecewiseSmooth, Scaled, ScaledMap, Selection, TestLayout, Vanishing,
+};
 use crate::sparse::{Matrix, norm};
 use crate::spread::golden;
 use crate::tolerances::ROUNDING;
@@ -66,7 +68,7 @@ impl Watch<'_> {
 
 /// A curve that is being followed. Computations are written for `Curve<'_>`, with the map behind a trait object, and compiled once. The
 /// map is stored with its own type, so that a curve can be sent to another thread if its map can be shared; see [`erased`](Curve::erased).
-pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
+pub(super) struct Curve<'a, M: ?Sized = dyn ScaledMap + 'a> {
     pub(super) options: ContinuationOptions,
     pub(super) layout: TestLayout,
     pub(super) corrector: MoorePenrose<Solver<'a>>,
@@ -114,12 +116,12 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) watches: Vec<Watch<'a>>,
     pub(super) saved_sides: Vec<f64>,
     /// The map in scaled variables, in which everything here is computed; events are given in its own.
-    pub(super) map: Scaled<M>,
+    pub(super) map: M,
 }
 
-impl<'a, M> Curve<'a, M> {
+impl<'a, M> Curve<'a, Scaled<M>> {
     /// The same curve with its map as another type.
-    pub(super) fn with_map<N>(self, map: N) -> Curve<'a, N> {
+    pub(super) fn with_map<N>(self, map: N) -> Curve<'a, Scaled<N>> {
         Curve {
             map: self.map.with_map(map),
             options: self.options,
@@ -159,7 +161,7 @@ impl<'a, M> Curve<'a, M> {
     }
 }
 
-impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
+impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, Scaled<&'a P>> {
     /// The same curve, its map behind a trait object.
     pub(super) fn erased(&self) -> &Curve<'a> {
         self

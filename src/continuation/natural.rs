@@ -1,9 +1,9 @@
 //! Events in the variables of the map, from the scaled ones in which curves are computed, and options the other way.
 
 use super::{Arm, ContinuationOptions, Event, Point};
-use crate::piecewise::{PiecewiseSmooth, Scaled};
+use crate::piecewise::{PiecewiseSmoothExt, ScaledMap};
 
-impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
+impl dyn ScaledMap + '_ {
     /// Values of α and lengths in z. Limits on step lengths and arclength are scaled with the size of α.
     pub(super) fn scale_options(&self, options: &mut ContinuationOptions) {
         let size = self.parameter_size();

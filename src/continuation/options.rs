@@ -97,7 +97,7 @@ pub struct ContinuationOptions {
     pub vanishing_distance: f64,
     /// Typical sizes of all variables (y, α), in their units: distances and angles are measured in the variables divided by them,
     /// arclength in that measure times the size of α, so that steps are changes of α where nothing else changes much. Default empty:
-    /// the sizes given by the map ([`PiecewiseSmooth::typical_sizes`](crate::piecewise::PiecewiseSmooth::typical_sizes)), that of α at most
+    /// the sizes given by the map ([`Description::typical_sizes`](crate::piecewise::Description::typical_sizes)), that of α at most
     /// the largest of 1 and the bounds of its range; where all pieces are affine, or their exact coefficients are affine in α, only if some
     /// are further than a factor of 10³ from 1.
     pub typical_sizes: Vec<f64>,

@@ -199,7 +199,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
 fn prepared<'a, 'b>(
     map: &'b dyn PiecewiseSmooth,
     saved: &SavedRun,
-) -> Result<Curve<'a, &'b dyn PiecewiseSmooth>, ContinuationError> {
+) -> Result<Curve<'a, Scaled<&'b dyn PiecewiseSmooth>>, ContinuationError> {
     saved.check(map)?;
     saved.options.validate()?;
     let corrector = auto_corrector(map)?;

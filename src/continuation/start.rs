@@ -13,7 +13,7 @@ use crate::input::{check_finite, check_vector};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::newton::{MoorePenrose, Newton, NewtonOptions};
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, select,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, ScaledMap, Selection, TestLayout, Vanishing, select,
 };
 use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
@@ -353,7 +353,7 @@ struct Start {
 
 impl Start {
     /// At z in scaled variables.
-    fn at(map: &Scaled<dyn PiecewiseSmooth + '_>, x: Vec<f64>) -> Result<Self, ContinuationError> {
+    fn at(map: &dyn ScaledMap, x: Vec<f64>) -> Result<Self, ContinuationError> {
         let layout = TestLayout::new(map);
         let mut theta = vec![0.0; layout.total()];
         map.test_functions(&x, &mut theta);
@@ -403,7 +403,7 @@ fn prepared<'a, 'b>(
     x: &[f64],
     options: ContinuationOptions,
     solver: Solver<'a>,
-) -> Result<Curve<'a, &'b dyn PiecewiseSmooth>, ContinuationError> {
+) -> Result<Curve<'a, Scaled<&'b dyn PiecewiseSmooth>>, ContinuationError> {
     options.validate()?;
     let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
     let (corrector, mut z) = corrected_start(map, x, &options, solver)?;
@@ -416,7 +416,7 @@ pub(super) fn prepared_on<'a, 'b>(
     map: &'b dyn PiecewiseSmooth,
     x: &[f64],
     options: ContinuationOptions,
-) -> Result<Curve<'a, &'b dyn PiecewiseSmooth>, ContinuationError> {
+) -> Result<Curve<'a, Scaled<&'b dyn PiecewiseSmooth>>, ContinuationError> {
     let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
     let corrector = auto_corrector(map)?;
     let mut z = x.to_vec();
@@ -430,8 +430,8 @@ pub(super) fn prepare_at<'a, 'b>(
     x: Vec<f64>,
     mut options: ContinuationOptions,
     corrector: MoorePenrose<Solver<'a>>,
-) -> Result<Curve<'a, &'b dyn PiecewiseSmooth>, ContinuationError> {
-    map.scale_options(&mut options);
+) -> Result<Curve<'a, Scaled<&'b dyn PiecewiseSmooth>>, ContinuationError> {
+    (&map as &dyn ScaledMap).scale_options(&mut options);
     let Start {
         layout,
         state,
@@ -476,7 +476,7 @@ pub(super) fn prepare_at<'a, 'b>(
     })
 }
 
-impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
+impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, Scaled<&'a P>> {
     pub(super) fn prepare(
         map: &'a P,
         x: &[f64],

@@ -8,7 +8,6 @@ pub(super) use plane::{Function, Plane};
 
 use super::engine::Curve;
 use super::{Continuation, ContinuationOptions, Direction};
-use crate::piecewise::PiecewiseSmooth;
 
 impl Plane {
     /// The curve through (y, α), with growing α.

@@ -14,7 +14,9 @@ use super::table::{Form, Table};
 use super::{Completeness, Doubt, EnumerationError, EnumerationOptions, system};
 use crate::clock::Deadline;
 use crate::input::check_vector;
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout};
+use crate::piecewise::{
+    ActiveSet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Scaled, ScaledMap, Selection, TestLayout,
+};
 use crate::sparse::norm;
 use crate::tolerances::{GIGABYTE, TANGENTIAL};
 
@@ -120,7 +122,7 @@ impl DirectionalArms {
 /// All arms of the solution curves of H(y, α) = 0 at the solution `x` = (y, α). Test functions within `options.tolerance` of their
 /// zero set, as a distance relative to 1 + ‖x‖₂, count as vanishing there. The pieces need not be affine.
 ///
-/// For maps that give their [exact coefficients](PiecewiseSmooth::exact) as functions of α
+/// For maps that give their [exact coefficients](crate::piecewise::Structure::exact) as functions of α
 /// ([`is_affine_in_parameter`](crate::piecewise::ExactPieces::is_affine_in_parameter)), the list is proven to be complete, for the problem
 /// that the floating-point numbers define, at the exact point x* approximated by `x`: at x* the equalities of all pieces that are active at
 /// `x` within the tolerance hold; unknowns that they leave free, α if it is one, are as in `x`. It is proven that x* exists and is unique,

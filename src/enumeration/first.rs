@@ -6,7 +6,7 @@ use super::EnumerationOptions;
 use super::lists::NAMED;
 use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearSolver};
-use crate::piecewise::{ActiveSet, PiecewiseSmooth, Scaled, Selection, TestLayout, cell_margin};
+use crate::piecewise::{ActiveSet, PiecewiseSmooth, Scaled, ScaledMap, Selection, TestLayout, cell_margin};
 use crate::sparse::{Matrix, max_abs};
 use crate::spread::Random;
 

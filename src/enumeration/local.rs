@@ -7,7 +7,9 @@ use std::ops::Range;
 use super::EnumerationError;
 use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
+use crate::piecewise::{
+    ActiveSet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing,
+};
 use crate::sparse::Matrix;
 use crate::sparse::norm;
 use crate::spread::Random;

@@ -9,7 +9,7 @@
 //! its list refers.
 //!
 //! [`all_solutions`] and [`all_arms`] prune the search for maps that give exact coefficients, for those whose residuals each depend on few
-//! sites ([`site_rows`](crate::piecewise::PiecewiseSmooth::site_rows)), and for those whose residuals are sums over sites, which is tested;
+//! sites ([`site_rows`](crate::piecewise::Structure::site_rows)), and for those whose residuals are sums over sites, which is tested;
 //! for other maps selections are enumerated one by one, up to the cap.
 
 mod arms;

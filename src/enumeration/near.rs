@@ -6,7 +6,9 @@ use super::exhaustive::{self, ExactPoint};
 use super::stated::{Scaling, forms, stated_conditions};
 use crate::clock::Deadline;
 use crate::exact::{Dictionary, Exact, Halt};
-use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite, PiecewiseSmooth};
+use crate::piecewise::{
+    ExactConditions, ExactForm, ExactPiece, ExactSite, PiecewiseSmooth, PiecewiseSmoothExt,
+};
 
 /// Coefficients up to which arms are proven: error bounds need dense matrices.
 const MAX_COEFFICIENTS: usize = 1 << 18;

@@ -9,7 +9,7 @@ use super::stated::stated_conditions;
 use super::{EnumerationError, EnumerationOptions, system};
 use crate::clock::Deadline;
 use crate::input::check_vector;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, Selections};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, ScaledMap, Selection, Selections};
 use crate::sparse::max_abs;
 use crate::tolerances::MAX_COEFFICIENTS;
 use collector::Collector;
@@ -17,7 +17,7 @@ use collector::Collector;
 /// All solutions y of H(y, α) = 0 for a map whose pieces are affine in y. For an equation (as many variables as residuals) `alpha`
 /// is ignored.
 ///
-/// For maps that give [exact coefficients](PiecewiseSmooth::exact), friction problems, affine complementarity problems and piecewise-affine
+/// For maps that give [exact coefficients](crate::piecewise::Structure::exact), friction problems, affine complementarity problems and piecewise-affine
 /// formulas ([`Traced`](crate::piecewise)) among them, a list is proven complete for the problem that the floating-point numbers define.
 /// The search works in floating-point numbers; excluded selections, the regularity of selections, the signs of facets and the coincidence
 /// of solutions are decided by error bounds, and in exact rational arithmetic where these do not suffice. `tolerance` and `merge_distance`

@@ -5,7 +5,7 @@ use super::EnumerationError;
 use super::system::{self, System};
 use super::table::Form;
 use crate::clock::Deadline;
-use crate::piecewise::{PiecewiseSmooth, Selection};
+use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection};
 use crate::sparse::Matrix;
 use crate::spread::Random;
 use crate::tolerances::{GIGABYTE, SAME};

@@ -4,7 +4,9 @@ use super::enclosure::Error;
 use super::system::{Piece, Site, System};
 use super::table::Form;
 use crate::exact::Exact;
-use crate::piecewise::{ExactConditions, ExactForm, ExactSite, PiecewiseSmooth, TestLayout};
+use crate::piecewise::{
+    ExactConditions, ExactForm, ExactSite, PiecewiseSmooth, PiecewiseSmoothExt, TestLayout,
+};
 
 /// Radius up to which the scaled forms, and with them unbounded unknowns, are searched; the region beyond is searched as directions.
 const FAR: f64 = 131_072.0;

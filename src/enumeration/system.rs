@@ -6,7 +6,7 @@ use super::table::Form;
 use crate::clock::Deadline;
 use crate::input::check_vector;
 use crate::linear::LinearError;
-use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, TestLayout};
+use crate::piecewise::{ActiveSet, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout};
 use crate::sparse::Matrix;
 use crate::tolerances::{GIGABYTE, ROUNDING};
 

@@ -4,7 +4,9 @@ use super::operator::Operator;
 use super::view::View;
 use super::{Interface, LoadPath};
 use crate::exact::{Dictionary, Exact, Place, passive_bounds};
-use crate::piecewise::{ExactConditions, ExactForm, ExactPieces, ExactSite, PiecewiseSmooth};
+use crate::piecewise::{
+    ExactConditions, ExactForm, ExactPieces, ExactSite, PiecewiseSmooth, PiecewiseSmoothExt,
+};
 
 /// Largest number of displacements for which the compliance is computed exactly from the stiffness; beyond it, the stored compliance is
 /// taken as exact.

@@ -5,7 +5,9 @@ use std::borrow::Cow;
 use super::evaluation::Scratch;
 use super::{Interface, View};
 use crate::linear::LinearError;
-use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::piecewise::{
+    Derivatives, Description, Facet, PiecewiseSmooth, PiecewiseSmoothExt, Selection, Structure,
+};
 use crate::sparse::{Matrix, Pattern};
 
 /// A u + Bᵀ λ + E θ = f(α), G(B u + T θ, λ, α, W θ) = 0 with the variables (u, λ, θ), or (u, λ, α, θ): parameters θ behind those of an
@@ -153,31 +155,11 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Extended<V, G> {
     fn cell(&self, site: usize, piece: usize) -> &[Facet] {
         self.base.cell(site, piece)
     }
-    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
-        self.base.piece_name(site, piece)
-    }
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        self.base.site_name(site)
-    }
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        self.base.site_rows(site, rows);
-    }
     fn is_piecewise_affine(&self) -> bool {
         self.affine
     }
-    fn has_nested_kinks(&self) -> bool {
-        self.base.has_nested_kinks()
-    }
     fn pattern(&self) -> Pattern {
         self.pattern.clone()
-    }
-
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        let own = self.num_residuals() + 1;
-        let mut all = vec![1.0; own];
-        self.base.typical_sizes(&mut all);
-        let kept = self.own();
-        sizes[..kept].copy_from_slice(&all[..kept]);
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
@@ -238,6 +220,24 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Extended<V, G> {
         }
     }
 
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl<V: View, G: PiecewiseSmooth> Derivatives for Extended<V, G> {
+    fn has_nested_kinks(&self) -> bool {
+        Derivatives::has_nested_kinks(&self.base)
+    }
+
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         let (z, dz) = self
             .base
@@ -266,5 +266,28 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Extended<V, G> {
         });
         gradient[..own].copy_from_slice(&wide[..own]);
         self.pulled(&of_law, &mut gradient[own..]);
+    }
+}
+
+impl<V: View, G: PiecewiseSmooth> Structure for Extended<V, G> {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        Structure::site_rows(&self.base, site, rows);
+    }
+}
+
+impl<V: View, G: PiecewiseSmooth> Description for Extended<V, G> {
+    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
+        Description::piece_name(&self.base, site, piece)
+    }
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        Description::site_name(&self.base, site)
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        let own = self.num_residuals() + 1;
+        let mut all = vec![1.0; own];
+        Description::typical_sizes(&self.base, &mut all);
+        let kept = self.own();
+        sizes[..kept].copy_from_slice(&all[..kept]);
     }
 }

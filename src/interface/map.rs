@@ -8,7 +8,8 @@ use super::view::{CondensedView, FullView, View};
 use crate::input::{check_size, check_vector};
 use crate::linear::{CondensedRows, Hierarchical};
 use crate::piecewise::{
-    Condensed, CondensedPieces, ExactPieces, Facet, PiecewiseError, PiecewiseSmooth, Selection,
+    Condensed, CondensedPieces, Derivatives, Description, ExactPieces, Facet, PiecewiseError,
+    PiecewiseSmooth, PiecewiseSmoothExt, Selection, Structure,
 };
 use crate::sparse::{Matrix, Pattern};
 
@@ -281,14 +282,6 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
         self.law.cell(site, piece)
     }
 
-    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
-        self.law.piece_name(site, piece)
-    }
-
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        self.law.site_name(site)
-    }
-
     fn pattern(&self) -> Pattern {
         let make = || match self.view.reduced() {
             Some(_) => Pattern::full(self.num_residuals(), self.num_vars()),
@@ -301,47 +294,11 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
         self.law.is_piecewise_affine() && self.operator.load.is_affine()
     }
 
-    fn exact(&self) -> Option<&dyn ExactPieces> {
-        self.states_coefficients().then_some(self)
-    }
-
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        self.law.site_rows(site, rows);
-        let first = self.leading();
-        rows.iter_mut().for_each(|i| *i += first);
-    }
-
-    /// The typical size of β is that of α.
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        let last = sizes.len() - (self.num_parameters() - 1);
-        fill_sizes(self.operator.sizes, self.leading(), &mut sizes[..last]);
-        let alpha = sizes[last - 1];
-        sizes[last..].fill(alpha);
-    }
-
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         self.with_scratch(|s| {
             self.parts().law_point(x, s);
             self.law.test_functions(&s.z, out);
         });
-    }
-
-    fn reported_tests(&self, x: &[f64], out: &mut [f64]) -> bool {
-        self.with_scratch(|s| {
-            // Whether there are any does not depend on the point: traces are computed only if so.
-            s.reports = s.reports || self.law.reported_tests(&s.z, out);
-            if s.reports {
-                self.parts().law_point(x, s);
-                s.reports = self.law.reported_tests(&s.z, out);
-            }
-            s.reports
-        })
-    }
-
-    fn in_prescribed_scale(&self) -> Option<Box<dyn PiecewiseSmooth + '_>> {
-        let law = self.law.in_prescribed_scale()?;
-        let operator = Arc::clone(&self.operator);
-        Some(Box::new(self.exchanged(operator, self.view.clone(), law)))
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
@@ -368,34 +325,26 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
         });
     }
 
-    fn site_jacobian(&self, site: usize, selection: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
-        self.with_scratch(|s| {
-            self.parts()
-                .point_of_derivatives(self.law.is_piecewise_affine(), x, s);
-            s.jac.clear();
-            let done = self.law.site_jacobian(site, selection, &s.z, &mut s.jac);
-            if done {
-                self.parts().add_gradients_one_by_one(s, jac);
-            }
-            done
-        })
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
     }
 
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl<V: View, G: PiecewiseSmooth> Derivatives for Interface<V, G> {
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         self.with_scratch(|s| {
             self.parts()
                 .law_direction(self.law.is_piecewise_affine(), x, d, s);
             self.law.test_derivatives(&s.z, &s.dz, out);
         });
-    }
-
-    fn condensed(&self) -> Option<Condensed<'_>> {
-        let found = self.view.reduced()?.hierarchical().is_some();
-        let linear = self.is_piecewise_affine() && self.operator.load.base().is_some();
-        (found && linear && self.num_parameters() == 1).then_some(Condensed {
-            pieces: self,
-            sizes: &[],
-        })
     }
 
     fn has_nested_kinks(&self) -> bool {
@@ -423,6 +372,76 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
             self.law.test_gradient(site, test, &s.z, &mut s.dz);
             self.parts().gradient(s, gradient);
         });
+    }
+}
+
+impl<V: View, G: PiecewiseSmooth> Structure for Interface<V, G> {
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        self.states_coefficients().then_some(self)
+    }
+
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        self.law.site_rows(site, rows);
+        let first = self.leading();
+        rows.iter_mut().for_each(|i| *i += first);
+    }
+
+    fn site_jacobian(&self, site: usize, selection: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
+        self.with_scratch(|s| {
+            self.parts()
+                .point_of_derivatives(self.law.is_piecewise_affine(), x, s);
+            s.jac.clear();
+            let done = self.law.site_jacobian(site, selection, &s.z, &mut s.jac);
+            if done {
+                self.parts().add_gradients_one_by_one(s, jac);
+            }
+            done
+        })
+    }
+
+    fn condensed(&self) -> Option<Condensed<'_>> {
+        let found = self.view.reduced()?.hierarchical().is_some();
+        let linear = self.is_piecewise_affine() && self.operator.load.base().is_some();
+        (found && linear && self.num_parameters() == 1).then_some(Condensed {
+            pieces: self,
+            sizes: &[],
+        })
+    }
+}
+
+impl<V: View, G: PiecewiseSmooth> Description for Interface<V, G> {
+    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
+        self.law.piece_name(site, piece)
+    }
+
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        self.law.site_name(site)
+    }
+
+    /// The typical size of β is that of α.
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        let last = sizes.len() - (self.num_parameters() - 1);
+        fill_sizes(self.operator.sizes, self.leading(), &mut sizes[..last]);
+        let alpha = sizes[last - 1];
+        sizes[last..].fill(alpha);
+    }
+
+    fn reported_tests(&self, x: &[f64], out: &mut [f64]) -> bool {
+        self.with_scratch(|s| {
+            // Whether there are any does not depend on the point: traces are computed only if so.
+            s.reports = s.reports || self.law.reported_tests(&s.z, out);
+            if s.reports {
+                self.parts().law_point(x, s);
+                s.reports = self.law.reported_tests(&s.z, out);
+            }
+            s.reports
+        })
+    }
+
+    fn in_prescribed_scale(&self) -> Option<Box<dyn PiecewiseSmooth + '_>> {
+        let law = self.law.in_prescribed_scale()?;
+        let operator = Arc::clone(&self.operator);
+        Some(Box::new(self.exchanged(operator, self.view.clone(), law)))
     }
 }
 

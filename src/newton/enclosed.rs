@@ -9,7 +9,7 @@
 
 use crate::linear::{DenseLu, LinearSolver};
 use crate::piecewise::expansion::TERMS;
-use crate::piecewise::{Expansions, PiecewiseSmooth, Selection, TestLayout};
+use crate::piecewise::{Expansions, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout};
 use crate::sparse::{dot, max_abs, norm};
 
 /// Numbers of residuals up to which proofs are tried. They cost n + 1 evaluations of the map over intervals

@@ -6,7 +6,7 @@ use super::chords::Secants;
 use crate::InputError;
 use crate::input::check_length;
 use crate::linear::{Bordered, DENSE_LIMIT, LinearError, LinearSolver, RowUpdates};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_selection};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, check_selection};
 use crate::sparse::Matrix;
 
 /// The Moore–Penrose corrector of curves H(x) = 0 (n equations, n + 1 variables), with its workspaces.

@@ -7,7 +7,8 @@ use super::{Convergence, Iteration, NewtonError, NewtonOptions, Report};
 use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Selection, Semismooth, TestLayout, regularity_report, semismooth_report,
+    PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, Semismooth, TestLayout,
+    regularity_report, semismooth_report,
 };
 use crate::sparse::Pattern;
 
@@ -70,7 +71,7 @@ impl<L: LinearSolver> Newton<L> {
         }
     }
 
-    /// The same without rescaling the map: a [prescribed scale](PiecewiseSmooth::in_prescribed_scale) is ignored.
+    /// The same without rescaling the map: a [prescribed scale](crate::piecewise::Description::in_prescribed_scale) is ignored.
     pub(crate) fn in_own_scale(mut self) -> Self {
         self.pieces.own_scale = true;
         self
@@ -97,7 +98,7 @@ impl<L: LinearSolver> Newton<L> {
     /// Solves H(x) = 0 from the start `x`, which is overwritten by the solution (on failure by the best iterate).
     ///
     /// A map with one variable more than residuals is solved for all variables but the last, the parameter, which stays fixed. Where users
-    /// prescribed a scale, the equation is solved [in that scale](PiecewiseSmooth::in_prescribed_scale).
+    /// prescribed a scale, the equation is solved [in that scale](crate::piecewise::Description::in_prescribed_scale).
     ///
     /// # Errors
     /// [`NewtonError::Failed`] with the best iterate and the history; errors of options, map, start and linear solver. Where the regularity

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use super::OutputError;
 use crate::continuation::{Branch, BranchVertex};
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt};
 
 type Scalar<'a> = dyn Fn(&[f64]) -> f64 + 'a;
 

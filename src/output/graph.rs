@@ -5,7 +5,7 @@ use std::io::Write;
 use super::csv::quoted;
 use super::{Column, OutputError};
 use crate::continuation::{Diagram, DiagramEdge};
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt};
 
 /// The kind of the k-th point of an edge.
 fn event(diagram: &Diagram, edge: &DiagramEdge, k: usize) -> &'static str {
@@ -105,7 +105,7 @@ pub use json::write_diagram_json;
 
 #[cfg(feature = "json")]
 mod json {
-    use super::{Column, Diagram, OutputError, PiecewiseSmooth, Write, event};
+    use super::{Column, Diagram, OutputError, PiecewiseSmooth, PiecewiseSmoothExt, Write, event};
     use crate::continuation::{DiagramEdge, DiagramVertex, EdgeEnd};
     use crate::piecewise::Selection;
     use serde_json::{Map, Value, json};

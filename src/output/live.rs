@@ -77,6 +77,7 @@ pub use json::JsonLinesWriter;
 #[cfg(feature = "json")]
 mod json {
     use super::{BranchVertex, BufWriter, Event, OutputError, PiecewiseSmooth, Write};
+    use crate::piecewise::PiecewiseSmoothExt;
     use serde_json::json;
 
     /// Writes the events of a run as JSON Lines as they occur: one object per line with `event`, `arclength`, `parameter`, `x`, `tangent`,

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 
 use super::{Colour, SegmentStyle};
 use crate::contact::ContactState;
-use crate::piecewise::{PiecewiseSmooth, Selection};
+use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection};
 
 impl SegmentStyle {
     /// The state of all contact nodes together: none in contact, all in contact sticking, all slipping, or some of both.

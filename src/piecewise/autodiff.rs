@@ -16,7 +16,9 @@ use self::expansions::Expanded;
 pub use self::kinks::Kinks;
 use self::kinks::{Kind, Mode};
 use super::trace::{LABELS, lacking, members, ordinary_point, structure};
-use super::{ExactPieces, Expansions, Facet, PiecewiseSmooth, Real, Selection};
+use super::{
+    Derivatives, Description, ExactPieces, Expansions, Facet, PiecewiseSmooth, Real, Selection, Structure,
+};
 use crate::sparse::{Coloring, Matrix, Pattern};
 
 /// A nonsmooth function written once over [`Real`], its kinks expressed through [`Kinks`]. [`Traced`] turns it into a
@@ -49,7 +51,7 @@ pub trait NonsmoothFunction {
         Pattern::from_entries(n, m, entries).unwrap_or_else(|_| Pattern::full(n, m))
     }
 
-    /// Typical sizes of the variables, as [`PiecewiseSmooth::typical_sizes`]. Default: unchanged.
+    /// Typical sizes of the variables, as [`Description::typical_sizes`]. Default: unchanged.
     fn typical_sizes(&self, _sizes: &mut [f64]) {}
 
     /// Whether the function is affine apart from its kinks, in all variables (the parameter among them), and
@@ -142,7 +144,7 @@ impl Dependencies {
 
 /// A [`NonsmoothFunction`] as a [`PiecewiseSmooth`] map.
 ///
-/// Where it is piecewise affine it gives its [exact coefficients](PiecewiseSmooth::exact): lists of its solutions are proven complete, and
+/// Where it is piecewise affine it gives its [exact coefficients](crate::piecewise::Structure::exact): lists of its solutions are proven complete, and
 /// of its arms where it is affine in the parameter, too. For this it is evaluated over affine forms in exact arithmetic, with an unknown
 /// for every kink (the abs-normal form, Griewank 2013). The numbers in the formula count as they are stored; quotients by numbers are not
 /// rounded. It gives none where it branches on [`value`](Real::value), calls `abs` or any nonlinear smooth function, or does arithmetic
@@ -343,22 +345,6 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
         }
     }
 
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        let own = self.function.site_name(site);
-        own.unwrap_or_else(|| Cow::Owned(format!("site {site}")))
-    }
-
-    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
-        if let Some(name) = self.function.piece_name(site, piece) {
-            return name;
-        }
-        Cow::Borrowed(match self.kinds[site] {
-            Kind::Mid => ["lower", "interior", "upper"][piece.min(2)],
-            Kind::Abs => ["positive", "negative"][piece.min(1)],
-            Kind::Max | Kind::Min | Kind::Switch => ["first", "second"][piece.min(1)],
-        })
-    }
-
     fn pattern(&self) -> Pattern {
         self.pattern.clone()
     }
@@ -367,23 +353,8 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
         self.tests(None, x, out);
     }
 
-    fn has_nested_kinks(&self) -> bool {
-        self.nested
-    }
-
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        self.function.typical_sizes(sizes);
-    }
-
     fn is_piecewise_affine(&self) -> bool {
         self.affine
-    }
-
-    fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
-        match d {
-            Some(d) => self.test_slopes(self.governing(selection), &seeded(x, d), out),
-            None => self.tests(self.governing(selection), x, out),
-        }
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
@@ -394,21 +365,33 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
         self.derivatives(selection, x, None, jac);
     }
 
-    fn exact(&self) -> Option<&dyn ExactPieces> {
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
         Some(self)
+    }
+
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl<F: NonsmoothFunction> Derivatives for Traced<F> {
+    fn has_nested_kinks(&self) -> bool {
+        self.nested
+    }
+
+    fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
+        match d {
+            Some(d) => self.test_slopes(self.governing(selection), &seeded(x, d), out),
+            None => self.tests(self.governing(selection), x, out),
+        }
     }
 
     fn expansions(&self) -> Option<Box<dyn Expansions + '_>> {
         Some(Box::new(Expanded(self)))
-    }
-
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        rows.clone_from(&self.rows[site]);
-    }
-
-    fn site_jacobian(&self, site: usize, selection: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
-        self.derivatives(selection, x, Some(&self.rows[site]), jac);
-        true
     }
 
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
@@ -426,5 +409,42 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
             seeded[j].eps = 0.0;
             gradient[j] = slopes[first + test];
         }
+    }
+}
+
+impl<F: NonsmoothFunction> Structure for Traced<F> {
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        Some(self)
+    }
+
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        rows.clone_from(&self.rows[site]);
+    }
+
+    fn site_jacobian(&self, site: usize, selection: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
+        self.derivatives(selection, x, Some(&self.rows[site]), jac);
+        true
+    }
+}
+
+impl<F: NonsmoothFunction> Description for Traced<F> {
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        let own = self.function.site_name(site);
+        own.unwrap_or_else(|| Cow::Owned(format!("site {site}")))
+    }
+
+    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
+        if let Some(name) = self.function.piece_name(site, piece) {
+            return name;
+        }
+        Cow::Borrowed(match self.kinds[site] {
+            Kind::Mid => ["lower", "interior", "upper"][piece.min(2)],
+            Kind::Abs => ["positive", "negative"][piece.min(1)],
+            Kind::Max | Kind::Min | Kind::Switch => ["first", "second"][piece.min(1)],
+        })
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        self.function.typical_sizes(sizes);
     }
 }

@@ -264,7 +264,7 @@ fn list(findings: &[Finding]) -> String {
 /// samples; Jacobians, `test_derivatives`, `test_gradient` and (where kinks lie inside of others) `tests_of_selection` against difference
 /// quotients; `pattern`, `site_rows` and `is_piecewise_affine` against what the map does.
 ///
-/// Cost: about 4 m residuals a selection and sample, and a [`test_gradient`](PiecewiseSmooth::test_gradient) a test function and
+/// Cost: about 4 m residuals a selection and sample, and a [`test_gradient`](crate::piecewise::Derivatives::test_gradient) a test function and
 /// sample.
 ///
 /// # Errors

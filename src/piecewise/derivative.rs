@@ -115,7 +115,7 @@ impl fmt::Display for CoherentOrientation {
 ///
 /// Signs are those of an LU factorisation in floating-point numbers. Where rounding may decide (a reciprocal condition number, rows and
 /// columns equilibrated so that units of H and y do not matter, below 1e-10 and some roundings a row), those of maps that give
-/// [exact](PiecewiseSmooth::exact) coefficients are decided in exact arithmetic, up to 200 rows and some tenths of a second. For other maps
+/// [exact](crate::piecewise::Structure::exact) coefficients are decided in exact arithmetic, up to 200 rows and some tenths of a second. For other maps
 /// a matrix counts as singular, sign 0, where that number is below 1e-14; [`bd_regularity`](super::bd_regularity) requires 1e-11.
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 //! Signs of determinants: those of a factorisation, and in exact arithmetic where rounding may decide and the map states its coefficients.
 
-use super::{ExactConditions, PiecewiseError, PiecewiseSmooth, Selection};
+use super::{ExactConditions, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection};
 use crate::exact::{Exact, determinant_sign};
 use crate::linear::{AutoSolver, DENSE_LIMIT, LinearError, LinearSolver};
 use crate::sparse::{Matrix, MatrixRef};

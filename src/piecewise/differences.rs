@@ -1,6 +1,6 @@
 //! Central differences of test functions, for maps that do not give derivatives.
 
-use super::{PiecewiseSmooth, TestLayout};
+use super::{PiecewiseSmooth, PiecewiseSmoothExt, TestLayout};
 use crate::sparse::max_abs;
 use crate::tolerances::CENTRAL;
 

@@ -1,7 +1,7 @@
 use std::borrow::Cow;
 
 use super::scaled::check_sizes;
-use super::{Facet, PiecewiseError, PiecewiseSmooth, Selection};
+use super::{Description, Facet, PiecewiseError, PiecewiseSmooth, Selection, Structure};
 use crate::sparse::Matrix;
 
 /// The map H(x) = min(a(x), b(x)), component by component, of two smooth functions given by one closure.
@@ -96,25 +96,6 @@ impl<F: Fn(&[f64], &mut [f64], &mut [f64])> PiecewiseSmooth for MinMap<F> {
         if piece == 0 { &FIRST } else { &SECOND }
     }
 
-    fn piece_name(&self, _site: usize, piece: usize) -> Cow<'_, str> {
-        Cow::Borrowed(if piece == 0 { "first" } else { "second" })
-    }
-
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        Cow::Owned(format!("component {site}"))
-    }
-
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        rows.clear();
-        rows.push(site);
-    }
-
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        if !self.sizes.is_empty() {
-            sizes.copy_from_slice(&self.sizes);
-        }
-    }
-
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         let (a, b) = self.both(x);
         for i in 0..self.residuals {
@@ -149,6 +130,37 @@ impl<F: Fn(&[f64], &mut [f64], &mut [f64])> PiecewiseSmooth for MinMap<F> {
             for i in 0..self.residuals {
                 jac.add(i, j, (plus[i] - minus[i]) / (2.0 * h));
             }
+        }
+    }
+
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl<F: Fn(&[f64], &mut [f64], &mut [f64])> Structure for MinMap<F> {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        rows.clear();
+        rows.push(site);
+    }
+}
+
+impl<F: Fn(&[f64], &mut [f64], &mut [f64])> Description for MinMap<F> {
+    fn piece_name(&self, _site: usize, piece: usize) -> Cow<'_, str> {
+        Cow::Borrowed(if piece == 0 { "first" } else { "second" })
+    }
+
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        Cow::Owned(format!("component {site}"))
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        if !self.sizes.is_empty() {
+            sizes.copy_from_slice(&self.sizes);
         }
     }
 }

@@ -20,6 +20,7 @@ mod error;
 mod essential;
 mod exact_pieces;
 pub(crate) mod expansion;
+mod extensions;
 #[cfg(feature = "autodiff")]
 mod formula;
 mod hull;
@@ -58,6 +59,7 @@ pub(crate) use essential::open_cone;
 pub use essential::{Activity, essential_activity};
 pub use exact_pieces::{ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite};
 pub use expansion::Expansions;
+pub use extensions::{Derivatives, Description, PiecewiseSmoothExt, Structure};
 #[cfg(feature = "autodiff")]
 pub use formula::{Expression, Formula, FormulaError};
 pub(crate) use implicit::implicit_verdict;
@@ -72,7 +74,7 @@ pub(crate) use regularity::{Between, singular, square};
 pub use regularity::{Regularity, bd_regularity, cd_regularity};
 pub use regularity_report::{RegularityOptions, RegularityReport};
 pub(crate) use regularity_report::{regularity_report, semismooth_report};
-pub(crate) use scaled::{Scaled, check_sizes, is_ordinary};
+pub(crate) use scaled::{Scaled, ScaledMap, check_sizes, is_ordinary};
 pub use selection::{Selection, Selections};
 pub use semismooth::Semismooth;
 pub use semismooth_regularity::{bd_regularity_semismooth, cd_regularity_semismooth};

@@ -4,7 +4,9 @@ use super::determinants::{Determinant, Determinants, Examined};
 use super::error::check_selection;
 use super::essential::open_cone;
 use super::vanishing::{gradient_of, pointed_into};
-use super::{ActiveSet, Activity, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
+use super::{
+    ActiveSet, Activity, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout,
+};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
 use crate::spread::Random;

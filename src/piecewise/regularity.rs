@@ -84,7 +84,7 @@ impl fmt::Display for Regularity {
 /// then converges superlinearly near the solution x, quadratically where ∇H^(σ) are Lipschitz continuous, and ‖H‖ bounds the distance.
 ///
 /// For the map of a curve, y alone varies (∇_yH, the first n columns). A matrix whose reciprocal condition, rows and columns equilibrated,
-/// is below 1e-11 counts as singular. If the map gives [exact](PiecewiseSmooth::exact) coefficients, matrices whose regularity rounding
+/// is below 1e-11 counts as singular. If the map gives [exact](crate::piecewise::Structure::exact) coefficients, matrices whose regularity rounding
 /// leaves open are decided in exact arithmetic instead, up to 200 rows and some tenths of a second ([`CertificateDoubt::Rounding`] beyond). Test
 /// functions with |θ(x)| ≤ `tolerance` count as vanishing. Which cells have points near x is decided by their unit gradients: those that are
 /// dependent up to rounding count as dependent; a cell that is narrow, but wider than that, is a [`CertificateDoubt::Activity`]. At most

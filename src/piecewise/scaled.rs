@@ -1,19 +1,21 @@
 use std::borrow::Cow;
 use std::cell::RefCell;
 
-use super::{Condensed, ExactPieces, Expansions, Facet, PiecewiseError, PiecewiseSmooth, Selection};
+use super::{
+    Condensed, Derivatives, Description, ExactPieces, Expansions, Facet, PiecewiseError, PiecewiseSmooth,
+    PiecewiseSmoothExt, Selection, Structure,
+};
 use crate::input::check_vector;
 use crate::sparse::{Matrix, Pattern, norm};
 
 /// A map in scaled variables z, x = D z, where D holds typical sizes of the variables. Distances and angles in z do not depend on the
 /// units of x. Lengths that are given or reported along a curve are those in the unit of the parameter: in z times its size.
 #[derive(Debug)]
-pub(crate) struct Scaled<M: ?Sized> {
+pub(crate) struct Scaled<M> {
     /// D, rounded to powers of two so that scaling is exact; empty for the identity.
     sizes: Vec<f64>,
     buffers: RefCell<(Vec<f64>, Vec<f64>)>,
     rows: RefCell<Vec<usize>>,
-    /// Last, so that a reference to this can be unsized to a trait object.
     map: M,
 }
 
@@ -37,7 +39,7 @@ impl<M: PiecewiseSmooth> Scaled<M> {
         Self::with_divisors(map, sizes)
     }
 
-    /// With D as returned by [`divisors`](Self::divisors).
+    /// With D as returned by [`divisors`](ScaledMap::divisors).
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -67,53 +69,67 @@ impl<M> Scaled<M> {
     }
 }
 
-impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
-    /// The map in its own variables.
-    pub(crate) fn map(&self) -> &M {
-        &self.map
-    }
-
+/// A map in scaled variables whatever the type of the map, so that what follows curves is compiled once.
+pub(crate) trait ScaledMap: PiecewiseSmooth {
     /// D; empty for the identity.
-    pub(crate) fn divisors(&self) -> &[f64] {
-        &self.sizes
-    }
+    fn divisors(&self) -> &[f64];
+
+    /// A function of x at z.
+    fn value_at(&self, z: &[f64], function: &dyn Fn(&[f64]) -> f64) -> f64;
 
     /// The size of the parameter of a curve, by which lengths along it are divided; 1 for an equation.
-    pub(crate) fn parameter_size(&self) -> f64 {
-        match self.sizes.last() {
-            Some(size) if self.sizes.len() > self.map.num_residuals() => *size,
+    fn parameter_size(&self) -> f64 {
+        match self.divisors().last() {
+            Some(size) if self.divisors().len() > self.num_residuals() => *size,
             _ => 1.0,
         }
     }
 
     /// x ↦ z.
-    pub(crate) fn scale(&self, x: &mut [f64]) {
-        x.iter_mut().zip(&self.sizes).for_each(|(x, d)| *x /= d);
+    fn scale(&self, x: &mut [f64]) {
+        x.iter_mut().zip(self.divisors()).for_each(|(x, d)| *x /= d);
     }
 
     /// z ↦ x.
-    pub(crate) fn unscale(&self, z: &mut [f64]) {
-        z.iter_mut().zip(&self.sizes).for_each(|(z, d)| *z *= d);
+    fn unscale(&self, z: &mut [f64]) {
+        z.iter_mut().zip(self.divisors()).for_each(|(z, d)| *z *= d);
     }
 
     /// The direction in z of a direction in x; unit vectors stay unit vectors.
-    pub(crate) fn scale_direction(&self, t: &mut [f64]) {
-        if !self.sizes.is_empty() {
+    fn scale_direction(&self, t: &mut [f64]) {
+        if !self.divisors().is_empty() {
             self.scale(t);
             normalise(t);
         }
     }
 
     /// The direction in x of a direction in z.
-    pub(crate) fn unscale_direction(&self, t: &mut [f64]) {
-        if !self.sizes.is_empty() {
+    fn unscale_direction(&self, t: &mut [f64]) {
+        if !self.divisors().is_empty() {
             self.unscale(t);
             normalise(t);
         }
     }
+}
+
+impl<M: PiecewiseSmooth> ScaledMap for Scaled<M> {
+    fn divisors(&self) -> &[f64] {
+        &self.sizes
+    }
+
+    fn value_at(&self, z: &[f64], function: &dyn Fn(&[f64]) -> f64) -> f64 {
+        self.at(z, function)
+    }
+}
+
+impl<M: PiecewiseSmooth> Scaled<M> {
+    /// The map in its own variables.
+    pub(crate) fn map(&self) -> &M {
+        &self.map
+    }
 
     /// Evaluates a function of x at z.
-    pub(crate) fn at<R>(&self, z: &[f64], evaluate: impl FnOnce(&[f64]) -> R) -> R {
+    fn at<R>(&self, z: &[f64], evaluate: impl FnOnce(&[f64]) -> R) -> R {
         if self.sizes.is_empty() {
             return evaluate(z);
         }
@@ -188,7 +204,7 @@ fn normalise(t: &mut [f64]) {
     }
 }
 
-impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
+impl<M: PiecewiseSmooth> PiecewiseSmooth for Scaled<M> {
     fn num_vars(&self) -> usize {
         self.map.num_vars()
     }
@@ -210,9 +226,6 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
     fn test_functions(&self, z: &[f64], out: &mut [f64]) {
         self.at(z, |x| self.map.test_functions(x, out));
     }
-    fn reported_tests(&self, z: &[f64], out: &mut [f64]) -> bool {
-        self.at(z, |x| self.map.reported_tests(x, out))
-    }
     fn residual(&self, selection: &Selection, z: &[f64], out: &mut [f64]) {
         self.at(z, |x| self.map.residual(selection, x, out));
     }
@@ -225,41 +238,21 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
     fn pattern(&self) -> Pattern {
         self.map.pattern()
     }
-    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
-        self.map.piece_name(site, piece)
-    }
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        self.map.site_name(site)
-    }
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        self.map.site_rows(site, rows);
-    }
-    fn site_jacobian(&self, site: usize, selection: &Selection, z: &[f64], jac: &mut Matrix) -> bool {
-        if self.sizes.is_empty() {
-            return self.map.site_jacobian(site, selection, z, jac);
-        }
-        let done = self.at(z, |x| self.map.site_jacobian(site, selection, x, jac));
-        if done {
-            // The other rows of `jac` are scaled already.
-            let mut rows = self.rows.borrow_mut();
-            self.map.site_rows(site, &mut rows);
-            rows.sort_unstable();
-            rows.dedup();
-            jac.scale_columns_in_rows(&self.sizes, &rows);
-        }
-        done
-    }
     fn is_piecewise_affine(&self) -> bool {
         self.map.is_piecewise_affine()
     }
-    fn exact(&self) -> Option<&dyn ExactPieces> {
-        // Exact coefficients are those of the map's own variables.
-        if self.sizes.is_empty() {
-            self.map.exact()
-        } else {
-            None
-        }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
     }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl<M: PiecewiseSmooth> Derivatives for Scaled<M> {
     fn expansions(&self) -> Option<Box<dyn Expansions + '_>> {
         let map = self.map.expansions()?;
         let sizes = &self.sizes;
@@ -267,13 +260,6 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
             map
         } else {
             Box::new(ScaledExpansions { map, sizes })
-        })
-    }
-    fn condensed(&self) -> Option<Condensed<'_>> {
-        let condensed = self.map.condensed().filter(|c| c.sizes.is_empty())?;
-        Some(Condensed {
-            sizes: &self.sizes,
-            ..condensed
         })
     }
     fn test_derivatives(&self, z: &[f64], d: &[f64], out: &mut [f64]) {
@@ -300,6 +286,57 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
     fn test_gradient(&self, site: usize, test: usize, z: &[f64], gradient: &mut [f64]) {
         self.at(z, |x| self.map.test_gradient(site, test, x, gradient));
         self.unscale(gradient);
+    }
+}
+
+impl<M: PiecewiseSmooth> Structure for Scaled<M> {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        self.map.site_rows(site, rows);
+    }
+    fn site_jacobian(&self, site: usize, selection: &Selection, z: &[f64], jac: &mut Matrix) -> bool {
+        if self.sizes.is_empty() {
+            return self.map.site_jacobian(site, selection, z, jac);
+        }
+        let done = self.at(z, |x| self.map.site_jacobian(site, selection, x, jac));
+        if done {
+            // The other rows of `jac` are scaled already.
+            let mut rows = self.rows.borrow_mut();
+            self.map.site_rows(site, &mut rows);
+            rows.sort_unstable();
+            rows.dedup();
+            jac.scale_columns_in_rows(&self.sizes, &rows);
+        }
+        done
+    }
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        // Exact coefficients are those of the map's own variables.
+        if self.sizes.is_empty() {
+            self.map.exact()
+        } else {
+            None
+        }
+    }
+    fn condensed(&self) -> Option<Condensed<'_>> {
+        let condensed = self.map.structure()?.condensed()?;
+        if !condensed.sizes.is_empty() {
+            return None;
+        }
+        Some(Condensed {
+            sizes: &self.sizes,
+            ..condensed
+        })
+    }
+}
+
+impl<M: PiecewiseSmooth> Description for Scaled<M> {
+    fn reported_tests(&self, z: &[f64], out: &mut [f64]) -> bool {
+        self.at(z, |x| self.map.reported_tests(x, out))
+    }
+    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
+        self.map.piece_name(site, piece)
+    }
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        self.map.site_name(site)
     }
 }
 

@@ -1,6 +1,6 @@
 use std::fmt;
 
-use super::PiecewiseSmooth;
+use super::{PiecewiseSmooth, PiecewiseSmoothExt};
 
 /// A selection σ: one piece for every site.
 ///

@@ -1,4 +1,4 @@
-use super::{ActiveSet, PiecewiseSmooth, Selection, TestLayout, cell_margin};
+use super::{ActiveSet, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, cell_margin};
 use crate::sparse::{dot, norm};
 
 /// A vanishing test function of a selection at a point.

@@ -11,7 +11,7 @@ use crate::continuation::ContinuationError;
 use crate::enumeration::{DirectionalArm, EnumerationOptions, all_arms};
 use crate::input::check_vector;
 use crate::linear::LinearError;
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection};
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection};
 use crate::sparse::max_abs;
 use crate::tolerances::{HALF_DIGITS, TANGENTIAL};
 use crate::words::Count;

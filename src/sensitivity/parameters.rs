@@ -5,7 +5,10 @@ use std::borrow::Cow;
 use crate::InputError;
 use crate::input::check_length;
 use crate::linear::LinearError;
-use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth, Selection};
+use crate::piecewise::{
+    Derivatives, Description, Facet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection,
+    Structure,
+};
 use crate::sparse::{Matrix, Pattern};
 
 /// What a map in other variables has in common with the one it is made of.
@@ -29,20 +32,28 @@ macro_rules! same_pieces {
         fn pattern(&self) -> Pattern {
             self.pattern.clone()
         }
+        fn is_piecewise_affine(&self) -> bool {
+            self.$map.is_piecewise_affine()
+        }
+        fn derivatives(&self) -> Option<&dyn Derivatives> {
+            Some(self)
+        }
+        fn structure(&self) -> Option<&dyn Structure> {
+            Some(self)
+        }
+        fn description(&self) -> Option<&dyn Description> {
+            Some(self)
+        }
+    };
+}
+
+macro_rules! same_names {
+    ($map:ident) => {
         fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
             self.$map.piece_name(site, piece)
         }
         fn site_name(&self, site: usize) -> Cow<'_, str> {
             self.$map.site_name(site)
-        }
-        fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-            self.$map.site_rows(site, rows);
-        }
-        fn is_piecewise_affine(&self) -> bool {
-            self.$map.is_piecewise_affine()
-        }
-        fn has_nested_kinks(&self) -> bool {
-            self.$map.has_nested_kinks()
         }
     };
 }
@@ -130,8 +141,17 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for Loaded<P> {
             .zip(values)
             .for_each(|(v, own)| *v += own);
     }
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        self.map.typical_sizes(&mut sizes[..self.map.num_vars()]);
+}
+
+impl<P: PiecewiseSmooth> Structure for Loaded<P> {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        self.map.site_rows(site, rows);
+    }
+}
+
+impl<P: PiecewiseSmooth> Derivatives for Loaded<P> {
+    fn has_nested_kinks(&self) -> bool {
+        self.map.has_nested_kinks()
     }
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         let n = self.map.num_vars();
@@ -146,6 +166,13 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for Loaded<P> {
         let (own, load) = gradient.split_at_mut(self.map.num_vars());
         self.map.test_gradient(site, test, &x[..own.len()], own);
         load.fill(0.0);
+    }
+}
+
+impl<P: PiecewiseSmooth> Description for Loaded<P> {
+    same_names!(map);
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        self.map.typical_sizes(&mut sizes[..self.map.num_vars()]);
     }
 }
 
@@ -227,11 +254,17 @@ impl PiecewiseSmooth for Line<'_> {
             }
         }
     }
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        let n = self.map.num_residuals();
-        let mut own = vec![1.0; self.map.num_vars()];
-        self.map.typical_sizes(&mut own);
-        sizes[..n].copy_from_slice(&own[..n]);
+}
+
+impl Structure for Line<'_> {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        self.map.site_rows(site, rows);
+    }
+}
+
+impl Derivatives for Line<'_> {
+    fn has_nested_kinks(&self) -> bool {
+        self.map.has_nested_kinks()
     }
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         self.map.test_derivatives(&self.point(x), &self.change(d), out);
@@ -247,5 +280,15 @@ impl PiecewiseSmooth for Line<'_> {
         self.map.test_gradient(site, test, &self.point(x), &mut own);
         gradient[..n].copy_from_slice(&own[..n]);
         gradient[n] = own[n..].iter().zip(&self.direction).map(|(g, d)| g * d).sum();
+    }
+}
+
+impl Description for Line<'_> {
+    same_names!(map);
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        let n = self.map.num_residuals();
+        let mut own = vec![1.0; self.map.num_vars()];
+        self.map.typical_sizes(&mut own);
+        sizes[..n].copy_from_slice(&own[..n]);
     }
 }

@@ -5,8 +5,8 @@ use super::{SensitivityError, limit};
 use crate::input::{check_length, check_vector};
 use crate::linear::{AutoSolver, LinearError};
 use crate::piecewise::{
-    ActiveSet, LocalUniqueness, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing,
-    implicit_verdict, select_pieces,
+    ActiveSet, LocalUniqueness, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout,
+    Vanishing, implicit_verdict, select_pieces,
 };
 use crate::sparse::{Matrix, max_abs};
 use crate::spread::Random;

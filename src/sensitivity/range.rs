@@ -10,7 +10,7 @@ use super::point::{Solved, Verdict, hidden, spreads};
 use crate::continuation::{Continuation, ContinuationOptions, Direction, Event, Termination};
 use crate::input::check_vector;
 use crate::input::{check_options, positive};
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt};
 use crate::sparse::max_abs;
 
 /// Events before this part of the horizon are the kink that the solution is on.

@@ -3,7 +3,7 @@ use super::{Polyhedron, Vi};
 use crate::complementarity::{AffineFunction, ComplementarityError, McpFunction};
 use crate::enumeration::{Completeness, Continuum, EnumerationOptions, all_solutions};
 use crate::exact::{Dictionary, Exact, quotient};
-use crate::piecewise::{PiecewiseSmooth, Selection};
+use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection};
 use crate::sparse::{Matrix, max_abs};
 use crate::tolerances::SAME;
 use num_traits::Zero;

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use semismooth::contact::read_folder;
-use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt};
 use semismooth::sparse::read_matrix_market;
 
 /// A copy of a valid folder, removed at the end.

@@ -10,7 +10,9 @@ use semismooth::interface::{InterfaceProblem, LoadPath};
 use semismooth::linear::{AutoSolver, LinearSolver};
 use semismooth::newton::Newton;
 use semismooth::piecewise::check::{CheckOptions, check};
-use semismooth::piecewise::{Facet, PiecewiseError, PiecewiseSmooth, Selection, select};
+use semismooth::piecewise::{
+    Facet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, Structure, select,
+};
 use semismooth::sparse::Matrix;
 
 /// Coulomb friction in the plane, implemented independently: v = (u_ν, u_t), λ = (λ_ν, λ_t), nodes in blocks; r = 1.
@@ -93,6 +95,12 @@ impl PiecewiseSmooth for Coulomb {
     fn is_piecewise_affine(&self) -> bool {
         true
     }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+}
+
+impl Structure for Coulomb {
     fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
         rows.clear();
         rows.extend([site, self.friction.len() + site]);

@@ -4,7 +4,7 @@ use semismooth::contact::{CondensedContact, ContactBody, FrictionCoefficient, Lo
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
 use semismooth::interface::InterfaceProblem;
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{Derivatives, Facet, PiecewiseSmooth, Selection, Structure};
 use semismooth::sparse::{Matrix, Pattern};
 
 use crate::random::Random;
@@ -77,23 +77,10 @@ impl PiecewiseSmooth for Springs {
         let entries = (0..q).flat_map(|i| [(i, i), (i, q + i)]);
         Pattern::from_entries(q, 2 * q + 1, entries).unwrap()
     }
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        rows.clear();
-        rows.push(site);
-    }
     fn test_functions(&self, z: &[f64], out: &mut [f64]) {
         for ((v, [from, to, ..]), out) in z.iter().zip(&self.0).zip(out.chunks_exact_mut(2)) {
             out.copy_from_slice(&[v - from, v - to]);
         }
-    }
-    fn test_derivatives(&self, _z: &[f64], d: &[f64], out: &mut [f64]) {
-        d.iter()
-            .zip(out.chunks_exact_mut(2))
-            .for_each(|(d, out)| out.fill(*d));
-    }
-    fn test_gradient(&self, site: usize, _test: usize, _z: &[f64], gradient: &mut [f64]) {
-        gradient.fill(0.0);
-        gradient[site] = 1.0;
     }
     fn residual(&self, selection: &Selection, z: &[f64], out: &mut [f64]) {
         let q = self.0.len();
@@ -109,13 +96,38 @@ impl PiecewiseSmooth for Springs {
     fn jacobian(&self, selection: &Selection, z: &[f64], jac: &mut Matrix) {
         (0..self.0.len()).for_each(|i| _ = self.site_jacobian(i, selection, z, jac));
     }
+    fn is_piecewise_affine(&self) -> bool {
+        true
+    }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Springs {
+    fn test_derivatives(&self, _z: &[f64], d: &[f64], out: &mut [f64]) {
+        d.iter()
+            .zip(out.chunks_exact_mut(2))
+            .for_each(|(d, out)| out.fill(*d));
+    }
+    fn test_gradient(&self, site: usize, _test: usize, _z: &[f64], gradient: &mut [f64]) {
+        gradient.fill(0.0);
+        gradient[site] = 1.0;
+    }
+}
+
+impl Structure for Springs {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        rows.clear();
+        rows.push(site);
+    }
     fn site_jacobian(&self, i: usize, selection: &Selection, _z: &[f64], jac: &mut Matrix) -> bool {
         let [.., first, second] = self.0[i];
         jac.add(i, self.0.len() + i, 1.0);
         jac.add(i, i, -[0.0, first, second][selection.piece(i)]);
-        true
-    }
-    fn is_piecewise_affine(&self) -> bool {
         true
     }
 }

@@ -5,7 +5,7 @@ use semismooth::continuation::ContinuationOptions;
 use semismooth::enumeration::{
     Completeness, EnumerationOptions, all_arms, all_solutions, all_solutions_until,
 };
-use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection, Structure};
 use semismooth::sparse::Matrix;
 
 /// Springs in series, each with kinks at the elongations 1 and 2, in displacements and forces; the load is α (or the displacement
@@ -95,11 +95,17 @@ impl PiecewiseSmooth for Springs {
             }
         }
     }
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        *rows = vec![site];
-    }
     fn is_piecewise_affine(&self) -> bool {
         true
+    }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+}
+
+impl Structure for Springs {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        *rows = vec![site];
     }
 }
 

@@ -7,7 +7,7 @@ use crate::dense::eliminate;
 use crate::maps::two_pieces;
 use crate::random::Random;
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
-use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::piecewise::{Derivatives, Description, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 /// H_i(x) = c_i + g_i·x + q_i (w·x)² + Σ_k b_ki |θ_k(x)|, θ_k = s_k (w·x − d_k) + extra_k·x.
@@ -47,20 +47,12 @@ impl PiecewiseSmooth for Kinked {
         self.constant.len(),
         self.kinks.len()
     );
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        Cow::Owned(format!("kink {site}"))
-    }
     fn is_piecewise_affine(&self) -> bool {
         self.quadratic.iter().all(|q| *q == 0.0)
     }
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         for (o, k) in out.iter_mut().zip(&self.kinks) {
             *o = self.theta(k, x);
-        }
-    }
-    fn test_gradient(&self, site: usize, _test: usize, _x: &[f64], gradient: &mut [f64]) {
-        for (j, g) in gradient.iter_mut().enumerate() {
-            *g = self.gradient(&self.kinks[site], j);
         }
     }
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
@@ -81,6 +73,26 @@ impl PiecewiseSmooth for Kinked {
                 jac.add(i, j, v);
             }
         }
+    }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Kinked {
+    fn test_gradient(&self, site: usize, _test: usize, _x: &[f64], gradient: &mut [f64]) {
+        for (j, g) in gradient.iter_mut().enumerate() {
+            *g = self.gradient(&self.kinks[site], j);
+        }
+    }
+}
+
+impl Description for Kinked {
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        Cow::Owned(format!("kink {site}"))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::maps::{Plane, two_pieces};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
-use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::piecewise::{Derivatives, PiecewiseSmooth, Selection, Structure};
 use semismooth::sparse::{Matrix, Pattern};
 
 /// An elastic string with n nodes under the load α, above point obstacles at `sites` (node, gap): the rows are
@@ -60,22 +60,10 @@ impl PiecewiseSmooth for StringOnPoints {
     fn is_piecewise_affine(&self) -> bool {
         true
     }
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        rows.clear();
-        rows.push(self.sites[site].0);
-    }
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         for (o, &(i, gap)) in out.iter_mut().zip(&self.sites) {
             *o = x[i] + gap - self.force(i, x);
         }
-    }
-    fn test_gradient(&self, site: usize, _test: usize, _x: &[f64], g: &mut [f64]) {
-        g.fill(0.0);
-        let i = self.sites[site].0;
-        g[i] = -1.0;
-        g[i - 1] = 1.0;
-        g[i + 1] = 1.0;
-        g[self.n] = -self.unit();
     }
     fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
         for i in 0..self.n {
@@ -103,6 +91,30 @@ impl PiecewiseSmooth for StringOnPoints {
             }
             jac.add(i, self.n, self.unit());
         }
+    }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+}
+
+impl Derivatives for StringOnPoints {
+    fn test_gradient(&self, site: usize, _test: usize, _x: &[f64], g: &mut [f64]) {
+        g.fill(0.0);
+        let i = self.sites[site].0;
+        g[i] = -1.0;
+        g[i - 1] = 1.0;
+        g[i + 1] = 1.0;
+        g[self.n] = -self.unit();
+    }
+}
+
+impl Structure for StringOnPoints {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        rows.clear();
+        rows.push(self.sites[site].0);
     }
 }
 

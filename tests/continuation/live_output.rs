@@ -9,7 +9,7 @@ use std::rc::Rc;
 use semismooth::contact::{FullContact, PlanarCoulomb};
 use semismooth::continuation::{Branch, Continuation, ContinuationOptions, Direction, Event};
 use semismooth::output::{Column, CsvWriter, OutputError, write_csv};
-use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::piecewise::{Description, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 /// A file as another process sees it: the flushed part. Writing fails from a given size on.
@@ -156,6 +156,12 @@ impl PiecewiseSmooth for Crossing {
         jac.add(0, 0, x[1] - alpha(s.piece(0), x[0]) - slope * (x[0] + 1.5));
         jac.add(0, 1, x[0] + 1.5);
     }
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl Description for Crossing {
     fn piece_name(&self, _: usize, piece: usize) -> std::borrow::Cow<'_, str> {
         ["below, \"smooth\"", "above"][piece].into()
     }

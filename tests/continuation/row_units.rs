@@ -1,12 +1,10 @@
 //! Located parameters do not depend on the units of the rows of H.
 #![cfg(feature = "autodiff")]
 
-use std::borrow::Cow;
-
 use crate::maps::{hand_on, same_cells};
 use semismooth::complementarity::{Autodiff, Mcp, SmoothFunction};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
-use semismooth::piecewise::{PiecewiseSmooth, Real, Selection};
+use semismooth::piecewise::{Derivatives, Description, PiecewiseSmooth, PiecewiseSmoothExt, Real, Selection};
 use semismooth::sparse::{Matrix, Pattern};
 
 const N: usize = 31;
@@ -61,10 +59,11 @@ impl<M: PiecewiseSmooth> PiecewiseSmooth for Rows<M> {
     hand_on! {
         map:
         fn pattern(&self) -> Pattern;
-        fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str>;
+        fn description(&self) -> Option<&dyn Description>;
         fn test_functions(&self, x: &[f64], out: &mut [f64]);
-        fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]);
-        fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]);
+    }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
     }
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
         self.map.residual(selection, x, out);
@@ -77,6 +76,14 @@ impl<M: PiecewiseSmooth> PiecewiseSmooth for Rows<M> {
             .iter_mut()
             .zip(factors)
             .for_each(|(v, f)| *v *= f);
+    }
+}
+
+impl<M: PiecewiseSmooth> Derivatives for Rows<M> {
+    hand_on! {
+        map:
+        fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]);
+        fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]);
     }
 }
 

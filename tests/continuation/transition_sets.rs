@@ -7,7 +7,7 @@ use semismooth::contact::{
 };
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, FoldSet, Termination, TransitionSet};
 use semismooth::piecewise::check::CheckOptions;
-use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection};
 use semismooth::sparse::Matrix;
 
 fn node(load: LoadPath, friction: FrictionCoefficient) -> FullContact<PlanarCoulomb> {
@@ -314,6 +314,12 @@ impl PiecewiseSmooth for TurningKernel {
         jac.add(1, 0, -10.0 * self.row * y / self.unit);
         jac.add(1, 1, self.row / self.unit);
     }
+    fn description(&self) -> Option<&dyn semismooth::piecewise::Description> {
+        Some(self)
+    }
+}
+
+impl semismooth::piecewise::Description for TurningKernel {
     fn typical_sizes(&self, sizes: &mut [f64]) {
         sizes[..2].fill(self.unit);
     }

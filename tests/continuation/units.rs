@@ -11,7 +11,8 @@ use semismooth::continuation::{
     Termination, TransitionKind, arms_at,
 };
 use semismooth::piecewise::{
-    Kinks, MinMap, NonsmoothFunction, PiecewiseError, PiecewiseSmooth, Real, Selection, Traced,
+    Derivatives, Description, Kinks, MinMap, NonsmoothFunction, PiecewiseError, PiecewiseSmooth, Real,
+    Selection, Traced,
 };
 use semismooth::sparse::Matrix;
 
@@ -43,17 +44,29 @@ impl PiecewiseSmooth for InUnits {
         jac.add(0, 0, own.get(0, 0) / self.unit);
         jac.add(0, 1, own.get(0, 1));
     }
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        if self.tells {
-            sizes[0] = self.unit;
-        }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
     }
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl Derivatives for InUnits {
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         self.map.test_derivatives(&self.natural(x), &self.natural(d), out);
     }
     fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
         self.map.test_gradient(site, test, &self.natural(x), gradient);
         gradient[0] /= self.unit;
+    }
+}
+
+impl Description for InUnits {
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        if self.tells {
+            sizes[0] = self.unit;
+        }
     }
 }
 

@@ -3,7 +3,9 @@
 use crate::maps::two_pieces;
 use semismooth::continuation::{Continuation, ContinuationOptions, Direction, arms_at};
 use semismooth::enumeration::{EnumerationError, EnumerationOptions, all_arms, all_solutions};
-use semismooth::piecewise::{LocalUniqueness, PiecewiseSmooth, Selection, active_set, local_uniqueness};
+use semismooth::piecewise::{
+    Derivatives, LocalUniqueness, PiecewiseSmooth, Selection, Structure, active_set, local_uniqueness,
+};
 use semismooth::sparse::{Matrix, Pattern};
 
 const LARGE: usize = 60_000;
@@ -18,14 +20,6 @@ impl PiecewiseSmooth for Kinks {
     two_pieces!(self, [negative, positive], self.n + 1, self.n, self.kinks);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         out.fill(x[self.n]);
-    }
-    fn test_gradient(&self, _: usize, _: usize, _: &[f64], gradient: &mut [f64]) {
-        gradient.fill(0.0);
-        gradient[self.n] = 1.0;
-    }
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        rows.clear();
-        rows.push(site);
     }
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
         for (i, r) in out.iter_mut().enumerate() {
@@ -44,6 +38,26 @@ impl PiecewiseSmooth for Kinks {
     }
     fn is_piecewise_affine(&self) -> bool {
         true
+    }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Kinks {
+    fn test_gradient(&self, _: usize, _: usize, _: &[f64], gradient: &mut [f64]) {
+        gradient.fill(0.0);
+        gradient[self.n] = 1.0;
+    }
+}
+
+impl Structure for Kinks {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        rows.clear();
+        rows.push(site);
     }
 }
 

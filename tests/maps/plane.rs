@@ -1,4 +1,4 @@
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{Derivatives, Facet, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 /// Value, ∂/∂y and ∂/∂α of a function of (y, α).
@@ -68,15 +68,6 @@ impl PiecewiseSmooth for Plane {
             *o = f(x[0], x[1])[0];
         }
     }
-    fn test_gradient(&self, _site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
-        gradient.copy_from_slice(&self.tests[test](x[0], x[1])[1..]);
-    }
-    fn test_derivatives(&self, x: &[f64], direction: &[f64], out: &mut [f64]) {
-        for (o, f) in out.iter_mut().zip(&self.tests) {
-            let [_, y, alpha] = f(x[0], x[1]);
-            *o = y * direction[0] + alpha * direction[1];
-        }
-    }
     fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
         out[0] = self.pieces[s.piece(0)](x[0], x[1])[0];
     }
@@ -87,5 +78,20 @@ impl PiecewiseSmooth for Plane {
     }
     fn is_piecewise_affine(&self) -> bool {
         self.affine
+    }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Plane {
+    fn test_gradient(&self, _site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
+        gradient.copy_from_slice(&self.tests[test](x[0], x[1])[1..]);
+    }
+    fn test_derivatives(&self, x: &[f64], direction: &[f64], out: &mut [f64]) {
+        for (o, f) in out.iter_mut().zip(&self.tests) {
+            let [_, y, alpha] = f(x[0], x[1]);
+            *o = y * direction[0] + alpha * direction[1];
+        }
     }
 }

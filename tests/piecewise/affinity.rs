@@ -4,7 +4,7 @@
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionKind};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::piecewise::check::{CheckError, CheckOptions, FindingKind, check};
-use semismooth::piecewise::{Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Traced};
+use semismooth::piecewise::{Kinks, NonsmoothFunction, PiecewiseSmooth, PiecewiseSmoothExt, Real, Traced};
 
 /// g(y, α) for the formula of the given number; y is x₀ and α is x₁.
 struct Formula(usize);

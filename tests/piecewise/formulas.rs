@@ -4,7 +4,7 @@ use semismooth::complementarity::{Autodiff, Mcp, McpSolver};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::piecewise::{
-    Expression, Formula, Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Traced, value,
+    Expression, Formula, Kinks, NonsmoothFunction, PiecewiseSmooth, PiecewiseSmoothExt, Real, Traced, value,
 };
 use semismooth::sparse::Matrix;
 

@@ -30,9 +30,9 @@ use proptest::prelude::*;
 use semismooth::InputError;
 use semismooth::piecewise::check::{CheckError, CheckOptions, Finding, FindingKind, check};
 use semismooth::piecewise::{
-    ActiveSet, Activity, CoherentOrientation, Facet, MinMap, PiecewiseError, PiecewiseSmooth, Selection,
-    Selections, TestLayout, active_set, b_derivative, coherent_orientation, essential_activity, select,
-    value,
+    ActiveSet, Activity, CoherentOrientation, Derivatives, Description, Facet, MinMap, PiecewiseError,
+    PiecewiseSmooth, PiecewiseSmoothExt, Selection, Selections, Structure, TestLayout, active_set,
+    b_derivative, coherent_orientation, essential_activity, select, value,
 };
 use semismooth::sparse::Matrix;
 
@@ -535,22 +535,37 @@ fn maps_behind_pointers() {
             fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]);
             fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix);
             fn pattern(&self) -> semismooth::sparse::Pattern;
-            fn piece_name(&self, site: usize, piece: usize) -> std::borrow::Cow<'_, str>;
-            fn site_name(&self, site: usize) -> std::borrow::Cow<'_, str>;
-            fn site_rows(&self, site: usize, rows: &mut Vec<usize>);
-            fn site_jacobian(&self, site: usize, s: &Selection, x: &[f64], jac: &mut Matrix) -> bool;
+            fn structure(&self) -> Option<&dyn Structure>;
         }
         fn is_piecewise_affine(&self) -> bool {
             true
         }
-        fn typical_sizes(&self, sizes: &mut [f64]) {
-            sizes.copy_from_slice(&[1e-3, 2e-3, 1e4, 2e4, 5.0]);
+        fn derivatives(&self) -> Option<&dyn Derivatives> {
+            Some(self)
         }
+        fn description(&self) -> Option<&dyn Description> {
+            Some(self)
+        }
+    }
+
+    impl Derivatives for Sized {
         fn test_derivatives(&self, _: &[f64], d: &[f64], out: &mut [f64]) {
             out.fill(d[0] + 17.0);
         }
         fn test_gradient(&self, site: usize, test: usize, _: &[f64], gradient: &mut [f64]) {
             gradient.fill((10 * site + test) as f64);
+        }
+    }
+
+    impl Description for Sized {
+        fn piece_name(&self, site: usize, piece: usize) -> std::borrow::Cow<'_, str> {
+            Description::piece_name(&self.0, site, piece)
+        }
+        fn site_name(&self, site: usize) -> std::borrow::Cow<'_, str> {
+            Description::site_name(&self.0, site)
+        }
+        fn typical_sizes(&self, sizes: &mut [f64]) {
+            sizes.copy_from_slice(&[1e-3, 2e-3, 1e4, 2e4, 5.0]);
         }
     }
     for x in samples() {

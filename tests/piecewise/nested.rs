@@ -11,8 +11,8 @@ use semismooth::interface::{InterfaceProblem, LoadPath};
 use semismooth::newton::Newton;
 use semismooth::piecewise::check::{CheckError, CheckOptions, FindingKind, check};
 use semismooth::piecewise::{
-    Activity, CoherentOrientation, Kinks, LocalUniqueness, NonsmoothFunction, PiecewiseSmooth, Real,
-    Selection, Selections, Traced, active_set, b_derivative, b_subdifferential, coherent_orientation,
+    Activity, CoherentOrientation, Derivatives, Kinks, LocalUniqueness, NonsmoothFunction, PiecewiseSmooth,
+    Real, Selection, Selections, Traced, active_set, b_derivative, b_subdifferential, coherent_orientation,
     essential_activity, local_uniqueness, select, value,
 };
 use semismooth::sparse::{Matrix, Pattern};
@@ -386,6 +386,15 @@ impl PiecewiseSmooth for Wrong {
         fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]);
         fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix);
         fn pattern(&self) -> Pattern;
+    }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Wrong {
+    hand_on! {
+        map:
         fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]);
         fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]);
     }

@@ -5,9 +5,9 @@ use semismooth::complementarity::{Lcp, Mcp, McpOptions, McpSolver, NormalMap, st
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::piecewise::{
-    Activity, BElement, CertificateDoubt, CoherentOrientation, MinMap, PiecewiseError, PiecewiseSmooth,
-    Regularity, RegularityOptions, Selection, active_set, b_subdifferential, bd_regularity, cd_regularity,
-    clarke_element, coherent_orientation, local_index, local_uniqueness, select,
+    Activity, BElement, CertificateDoubt, CoherentOrientation, Derivatives, MinMap, PiecewiseError,
+    PiecewiseSmooth, Regularity, RegularityOptions, Selection, active_set, b_subdifferential, bd_regularity,
+    cd_regularity, clarke_element, coherent_orientation, local_index, local_uniqueness, select,
 };
 use semismooth::sparse::Matrix;
 
@@ -71,6 +71,12 @@ impl PiecewiseSmooth for Min {
     fn is_piecewise_affine(&self) -> bool {
         true
     }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Min {
     fn test_gradient(&self, site: usize, _: usize, x: &[f64], gradient: &mut [f64]) {
         (0..x.len()).for_each(|j| gradient[j] = self.row(0, site, j) - self.0[site][j]);
     }

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{Derivatives, Description, Facet, PiecewiseSmooth, Selection, Structure};
 use semismooth::sparse::{Matrix, Pattern};
 
 /// A deliberate error in [`Rubber`].
@@ -63,37 +63,6 @@ impl PiecewiseSmooth for Rubber {
             (Fault::Facet, 2) => FACET,
             _ => CELLS[piece],
         }
-    }
-    fn piece_name(&self, _: usize, piece: usize) -> Cow<'_, str> {
-        ["left", "stick", "right"][piece].into()
-    }
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        format!("block {site}").into()
-    }
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        rows.clear();
-        rows.push(if self.0 == Fault::Rows { site } else { 2 + site });
-    }
-    fn site_jacobian(&self, site: usize, s: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
-        if !matches!(self.0, Fault::None | Fault::SiteJacobian | Fault::SiteExtra) {
-            return false;
-        }
-        let row = 2 + site;
-        match s.piece(site) {
-            0 => {
-                jac.add(row, row, 1.0);
-                jac.add(row, 4, if self.0 == Fault::SiteJacobian { -1.0 } else { 1.0 });
-            }
-            1 => jac.add(row, site, -R),
-            _ => {
-                jac.add(row, row, 1.0);
-                jac.add(row, 4, -1.0);
-            }
-        }
-        if self.0 == Fault::SiteExtra {
-            jac.add(0, 0, 2.0 + 0.9 * x[0] * x[0]);
-        }
-        true
     }
     fn is_piecewise_affine(&self) -> bool {
         self.0 == Fault::Affine
@@ -163,6 +132,18 @@ impl PiecewiseSmooth for Rubber {
             }
         }
     }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Rubber {
     fn test_gradient(&self, site: usize, test: usize, _: &[f64], gradient: &mut [f64]) {
         gradient.fill(0.0);
         if test < 2 {
@@ -178,6 +159,43 @@ impl PiecewiseSmooth for Rubber {
             out[3 * i + 1] = z + if self.0 == Fault::Rates { -d[4] } else { d[4] };
             out[3 * i + 2] = d[4];
         }
+    }
+}
+
+impl Structure for Rubber {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        rows.clear();
+        rows.push(if self.0 == Fault::Rows { site } else { 2 + site });
+    }
+    fn site_jacobian(&self, site: usize, s: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
+        if !matches!(self.0, Fault::None | Fault::SiteJacobian | Fault::SiteExtra) {
+            return false;
+        }
+        let row = 2 + site;
+        match s.piece(site) {
+            0 => {
+                jac.add(row, row, 1.0);
+                jac.add(row, 4, if self.0 == Fault::SiteJacobian { -1.0 } else { 1.0 });
+            }
+            1 => jac.add(row, site, -R),
+            _ => {
+                jac.add(row, row, 1.0);
+                jac.add(row, 4, -1.0);
+            }
+        }
+        if self.0 == Fault::SiteExtra {
+            jac.add(0, 0, 2.0 + 0.9 * x[0] * x[0]);
+        }
+        true
+    }
+}
+
+impl Description for Rubber {
+    fn piece_name(&self, _: usize, piece: usize) -> Cow<'_, str> {
+        ["left", "stick", "right"][piece].into()
+    }
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        format!("block {site}").into()
     }
 }
 

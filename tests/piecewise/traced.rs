@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::piecewise::check::{CheckOptions, check};
 use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
-use semismooth::piecewise::{PiecewiseSmooth, Selection, select, value};
+use semismooth::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection, select, value};
 use semismooth::sparse::Matrix;
 
 const N: usize = 19;

@@ -11,7 +11,7 @@ use semismooth::contact::{
 use semismooth::enumeration::{
     Completeness, Doubt, EnumerationOptions, SolutionSet, all_solutions, all_solutions_until,
 };
-use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{MinMap, PiecewiseSmooth, PiecewiseSmoothExt, Selection};
 use semismooth::sparse::Matrix;
 use serde_json::Value;
 

@@ -3,6 +3,7 @@
 use semismooth::enumeration::{Completeness, Doubt, EnumerationOptions, all_arms};
 use semismooth::piecewise::{
     Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, PiecewiseSmooth, Selection,
+    Structure,
 };
 use semismooth::sparse::Matrix;
 
@@ -25,6 +26,12 @@ impl PiecewiseSmooth for Torn {
     fn jacobian(&self, s: &Selection, _x: &[f64], jac: &mut Matrix) {
         jac.add(0, 0, [3.0 * 0.1, 1.0][s.piece(0)]);
     }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+}
+
+impl Structure for Torn {
     fn exact(&self) -> Option<&dyn ExactPieces> {
         Some(self)
     }
@@ -75,6 +82,12 @@ impl PiecewiseSmooth for Misstated {
         jac.add(0, 0, [1.0, 2.0][s.piece(0)]);
         jac.add(0, 1, -1.0);
     }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+}
+
+impl Structure for Misstated {
     fn exact(&self) -> Option<&dyn ExactPieces> {
         Some(self)
     }
@@ -179,6 +192,12 @@ impl PiecewiseSmooth for Signs {
             jac.add(k, k, [1.0, -1.0][s.piece(k)]);
         }
     }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+}
+
+impl Structure for Signs {
     fn exact(&self) -> Option<&dyn ExactPieces> {
         Some(self)
     }

@@ -3,7 +3,9 @@
 use proptest::prelude::*;
 use semismooth::enumeration::{Completeness, Doubt, EnumerationOptions, all_arms, all_solutions};
 use semismooth::interface::{InterfaceProblem, LoadPath};
-use semismooth::piecewise::{Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Selections, Traced};
+use semismooth::piecewise::{
+    Kinks, NonsmoothFunction, PiecewiseSmooth, PiecewiseSmoothExt, Real, Selections, Traced,
+};
 use semismooth::sparse::Matrix;
 
 /// A network of kinks that depend on one another, with coefficients in eighths, some in thirds.

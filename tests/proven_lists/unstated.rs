@@ -3,7 +3,7 @@
 use semismooth::enumeration::{
     Completeness, Doubt, EnumerationError, EnumerationOptions, all_arms, all_solutions,
 };
-use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{Derivatives, Facet, MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 use super::{cut_short, list};
@@ -48,10 +48,6 @@ impl<F: Fn(&[usize]) -> Vec<Vec<f64>>> PiecewiseSmooth for Rows<F> {
             *o = x - self.kink;
         }
     }
-    fn test_gradient(&self, site: usize, _test: usize, _x: &[f64], gradient: &mut [f64]) {
-        gradient.fill(0.0);
-        gradient[site] = 1.0;
-    }
     fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
         for (o, row) in out.iter_mut().zip(self.of(s)) {
             let terms = row.iter().zip(x).map(|(a, x)| a * x);
@@ -64,6 +60,16 @@ impl<F: Fn(&[usize]) -> Vec<Vec<f64>>> PiecewiseSmooth for Rows<F> {
             (0..self.vars).for_each(|j| jac.add(i, j, row[j]));
         }
         jac.add(0, 0, 2.0 * self.curvature * x[0]);
+    }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+}
+
+impl<F: Fn(&[usize]) -> Vec<Vec<f64>>> Derivatives for Rows<F> {
+    fn test_gradient(&self, site: usize, _test: usize, _x: &[f64], gradient: &mut [f64]) {
+        gradient.fill(0.0);
+        gradient[site] = 1.0;
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use semismooth::continuation::{Diagram, SearchOptions, search_solutions};
 use semismooth::enumeration::{EnumerationError, EnumerationOptions};
-use semismooth::piecewise::{self, PiecewiseSmooth, Selection, Traced};
+use semismooth::piecewise::{self, PiecewiseSmooth, PiecewiseSmoothExt, Selection, Traced};
 use serde::{Deserialize, Serialize};
 
 use crate::drawing::{Drawing, Words};

@@ -2,11 +2,11 @@
 
 use super::{Diagram, DiagramCompleteness, DiagramOptions, Progress, SolutionsAt};
 use crate::continuation::{Certainty, Point};
-use crate::piecewise::{PiecewiseSmooth, Scaled};
+use crate::piecewise::ScaledMap;
 use std::ops::ControlFlow;
 
 impl Diagram {
-    pub(super) fn scale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<P>) {
+    pub(super) fn scale(&mut self, map: &dyn ScaledMap) {
         self.convert(
             |x| map.scale(x),
             |t| map.scale_direction(t),
@@ -14,7 +14,7 @@ impl Diagram {
         );
     }
 
-    pub(super) fn unscale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<P>) {
+    pub(super) fn unscale(&mut self, map: &dyn ScaledMap) {
         self.convert(
             |x| map.unscale(x),
             |t| map.unscale_direction(t),
@@ -52,17 +52,14 @@ impl Diagram {
 }
 
 impl SolutionsAt {
-    pub(super) fn unscale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<P>) {
+    pub(super) fn unscale(&mut self, map: &dyn ScaledMap) {
         self.points.iter_mut().for_each(|s| map.unscale(&mut s.x));
         self.isolated.iter_mut().for_each(|x| map.unscale(x));
     }
 }
 
 /// Starts in scaled variables.
-pub(super) fn scaled_starts<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
-    map: &Scaled<P>,
-    starts: &[S],
-) -> Vec<Vec<f64>> {
+pub(super) fn scaled_starts<S: AsRef<[f64]>>(map: &dyn ScaledMap, starts: &[S]) -> Vec<Vec<f64>> {
     let scaled = |s: &S| {
         let mut z = s.as_ref().to_vec();
         map.scale(&mut z);
@@ -72,10 +69,7 @@ pub(super) fn scaled_starts<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
 }
 
 /// Options in scaled variables, for a map that is scaled already.
-pub(super) fn scaled_options<P: PiecewiseSmooth + ?Sized>(
-    map: &Scaled<P>,
-    options: &DiagramOptions,
-) -> DiagramOptions {
+pub(super) fn scaled_options(map: &dyn ScaledMap, options: &DiagramOptions) -> DiagramOptions {
     let mut options = options.clone();
     map.scale_options(&mut options.continuation);
     options.continuation.typical_sizes.clear();
@@ -83,8 +77,8 @@ pub(super) fn scaled_options<P: PiecewiseSmooth + ?Sized>(
 }
 
 /// An observer that sees events in the variables of the map.
-pub(super) fn natural_observer<'s, P: PiecewiseSmooth + ?Sized>(
-    map: &'s Scaled<P>,
+pub(super) fn natural_observer<'s>(
+    map: &'s dyn ScaledMap,
     mut observe: impl FnMut(&Progress<'_>) -> ControlFlow<()> + 's,
 ) -> impl FnMut(&Progress<'_>) -> ControlFlow<()> + 's {
     move |progress| {

@@ -8,7 +8,7 @@ use crate::continuation::{ContinuationError, Point};
 use crate::input::check_options;
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, ScaledMap, Selection};
 use crate::sparse::{distance, norm};
 use crate::tolerances::{HALVINGS, ROUNDING};
 

@@ -392,7 +392,7 @@ fn normalise(v: &mut [f64]) -> Result<(), LinearError> {
 mod tests {
     use super::BranchSystem;
     use crate::continuation::testing::{Function, Plane};
-    use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+    use crate::piecewise::{Derivatives, Facet, PiecewiseSmooth, Selection};
     use crate::sparse::Matrix;
 
     /// Two lines cross at (1/3, 1/7). The crossing is recognised whether H is evaluated directly, or with terms a hundred thousand times
@@ -485,7 +485,6 @@ mod tests {
             &[]
         }
         fn test_functions(&self, _: &[f64], _: &mut [f64]) {}
-        fn test_gradient(&self, _: usize, _: usize, _: &[f64], _: &mut [f64]) {}
         fn residual(&self, _: &Selection, x: &[f64], out: &mut [f64]) {
             out[0] = x[0] * x[0] - x[2] * x[2];
             out[1] = x[1] - x[0] - x[2];
@@ -497,6 +496,13 @@ mod tests {
                 jac.add(1, j, v);
             }
         }
+        fn derivatives(&self) -> Option<&dyn Derivatives> {
+            Some(self)
+        }
+    }
+
+    impl Derivatives for Lifted {
+        fn test_gradient(&self, _: usize, _: usize, _: &[f64], _: &mut [f64]) {}
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::continuation::engine::{Curve, State, row_sizes};
 use crate::continuation::point::units::Units;
 use crate::continuation::{Arm, ContinuationError};
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
+use crate::piecewise::{ActiveSet, PiecewiseError, Selection, Vanishing};
 use crate::sparse::{dot, norm};
 use crate::tolerances::SELECTIONS;
 

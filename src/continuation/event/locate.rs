@@ -4,7 +4,7 @@ use super::monitor::INSIDE;
 use super::watch::Monitor;
 use crate::continuation::engine::{Curve, State};
 use crate::continuation::{ContinuationError, Termination};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Vanishing};
+use crate::piecewise::{PiecewiseError, PiecewiseSmoothExt, Vanishing};
 use crate::sparse::{distance, dot, norm};
 use crate::tolerances::HALVINGS;
 
@@ -442,7 +442,6 @@ pub(in crate::continuation) fn side_factor(new: f64, replaced: f64) -> f64 {
 mod tests {
     use super::Misses;
     use crate::continuation::testing::Plane;
-    use crate::piecewise::PiecewiseSmooth;
 
     /// From two points an error s (L − s) (a + b s) is known everywhere, from one of them with b = 0.
     #[test]

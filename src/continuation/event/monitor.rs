@@ -77,7 +77,7 @@ impl<'a> Curve<'a> {
         // A resumed run has stored the sign: next to a zero just passed the value is rounding noise.
         let side = match self.saved_sides.get(self.watches.len()) {
             Some(side) => *side,
-            None => sign(self.map.at(&self.here.x, &function)),
+            None => sign(self.map.value_at(&self.here.x, &function)),
         };
         self.watches.push(Watch {
             name,
@@ -90,7 +90,7 @@ impl<'a> Curve<'a> {
 
     /// The value of monitor k at x, with the sign that is positive before its next zero; 0 as long as it has vanished.
     pub(super) fn side_of(&self, k: usize, x: &[f64]) -> f64 {
-        self.watches[k].side * self.map.at(x, |x| self.watches[k].value(x))
+        self.watches[k].side * self.map.value_at(x, &|x| self.watches[k].value(x))
     }
 
     /// The same at the distance s from x along t.
@@ -275,7 +275,7 @@ impl<'a> Curve<'a> {
     pub(in crate::continuation) fn refresh_sides(&mut self) {
         for watch in &mut self.watches {
             if watch.side == 0.0 || watch.jumped {
-                let now = sign(self.map.at(&self.here.x, &watch.function));
+                let now = sign(self.map.value_at(&self.here.x, &watch.function));
                 watch.side = if now == 0.0 { watch.side } else { now };
                 watch.jumped = false;
             }

@@ -4,7 +4,7 @@ use super::branch_point::{BranchSystem, Singular};
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
-use crate::piecewise::{PiecewiseSmooth, Selection, Vanishing};
+use crate::piecewise::{PiecewiseSmoothExt, Selection, Vanishing};
 use crate::sparse::{distance, dot, norm};
 
 /// Distance to a facet, relative to 1 + ‖x‖, up to which a curve whose steps are rejected is taken to have approached it.

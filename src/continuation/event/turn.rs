@@ -7,7 +7,7 @@ use crate::continuation::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
     TransitionKind,
 };
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmoothExt, Selection, Vanishing};
 use crate::sparse::{distance, dot};
 
 /// An arm within this distance of the tangent of arrival goes straight on.

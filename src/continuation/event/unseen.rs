@@ -3,7 +3,7 @@
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
+use crate::piecewise::{PiecewiseError, PiecewiseSmoothExt};
 use crate::sparse::norm;
 use crate::tolerances::TANGENTIAL;
 

@@ -7,7 +7,7 @@ use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
 use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::point::search::UNEXPLAINED;
-use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::piecewise::{Facet, PiecewiseSmoothExt, Selection};
 use crate::sparse::{distance, norm};
 
 /// A scalar function along the curve whose changes of sign are events.

@@ -7,7 +7,9 @@ use super::units::Units;
 use super::{Arms, Wanted};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, Solver};
-use crate::piecewise::{ActiveSet, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing};
+use crate::piecewise::{
+    ActiveSet, PiecewiseSmooth, PiecewiseSmoothExt, ScaledMap, Selection, TestLayout, Vanishing,
+};
 use crate::sparse::norm;
 use crate::spread::centred;
 /// How much smaller than ‖∇θ‖ the largest of two directional derivatives may be.
@@ -125,7 +127,7 @@ impl<'a> Curve<'a> {
     pub(in crate::continuation) fn search<'s>(
         &'s mut self,
         vanishing: &'s [Vanishing],
-    ) -> ArmSearch<'s, Scaled<dyn PiecewiseSmooth + 'a>, Solver<'a>> {
+    ) -> ArmSearch<'s, dyn ScaledMap + 'a, Solver<'a>> {
         ArmSearch {
             map: &self.map,
             corrector: &mut self.corrector,

@@ -5,7 +5,7 @@ use super::Arms;
 use crate::continuation::engine::Curve;
 use crate::continuation::{Arm, ContinuationError};
 use crate::newton::{Newton, NewtonOptions};
-use crate::piecewise::{PiecewiseSmooth, select};
+use crate::piecewise::{PiecewiseSmoothExt, select};
 use crate::sparse::{Matrix, distance, norm};
 
 /// How far beside a point a solution is sought, relative to 1 + |α|: its square is far above rounding, and far below the step.

@@ -4,7 +4,9 @@
 use super::units::Units;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
+use crate::piecewise::{
+    PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing,
+};
 use crate::sparse::norm;
 
 /// Distance along the curve, relative to 1 + ‖x‖, beyond which zeros do not coincide.

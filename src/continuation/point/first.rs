@@ -14,7 +14,8 @@ use crate::continuation::start::auto_corrector;
 use crate::enumeration::{Directional, EnumerationError, NewtonStop};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{
-    ActiveSet, Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, pointed_into,
+    ActiveSet, Description, Facet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, Structure,
+    TestLayout, Vanishing, pointed_into,
 };
 use crate::sparse::{Matrix, Pattern, dot, norm};
 use crate::spread::centred;
@@ -105,12 +106,6 @@ impl PiecewiseSmooth for Frozen<'_> {
     fn cell(&self, site: usize, piece: usize) -> &[Facet] {
         self.map.cell(site, piece)
     }
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        self.map.site_name(site)
-    }
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        self.map.site_rows(site, rows);
-    }
     fn pattern(&self) -> Pattern {
         self.map.pattern()
     }
@@ -126,11 +121,29 @@ impl PiecewiseSmooth for Frozen<'_> {
     fn jacobian(&self, selection: &Selection, _d: &[f64], jac: &mut Matrix) {
         self.map.jacobian(selection, self.x, jac);
     }
+    fn is_piecewise_affine(&self) -> bool {
+        true
+    }
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl Structure for Frozen<'_> {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        self.map.site_rows(site, rows);
+    }
     fn site_jacobian(&self, site: usize, selection: &Selection, _d: &[f64], jac: &mut Matrix) -> bool {
         self.map.site_jacobian(site, selection, self.x, jac)
     }
-    fn is_piecewise_affine(&self) -> bool {
-        true
+}
+
+impl Description for Frozen<'_> {
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        self.map.site_name(site)
     }
 }
 

@@ -4,7 +4,7 @@ use super::search::{ArmSearch, RANK};
 use super::units::{Units, changes, row_sizes};
 use crate::continuation::event::branch_point::BranchSystem;
 use crate::linear::{LinearSolver, null_space};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, ScaledMap, Selection};
 use crate::sparse::{Matrix, dot, max_abs, norm};
 use crate::spread::centred;
 

@@ -5,7 +5,7 @@ use crate::continuation::Arm;
 use crate::enumeration::{EnumerationOptions, all_arms};
 use crate::linear::AutoSolver;
 use crate::newton::{MoorePenrose, regular_radius, step_enclosure};
-use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, TestLayout};
+use crate::piecewise::{ActiveSet, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout};
 use crate::sparse::norm;
 
 /// Unknowns up to which lists are proven in exact arithmetic: each takes the time of a dense elimination.

@@ -14,7 +14,9 @@ use crate::continuation::{Arm, ContinuationOptions};
 use crate::enumeration::{EnumerationError, directional_selections, local_selections};
 use crate::linear::{LinearError, LinearSolver};
 use crate::newton::MoorePenrose;
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
+use crate::piecewise::{
+    ActiveSet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing,
+};
 use crate::sparse::norm;
 
 /// Singular values below this, relative to the largest, count as zero in the branching equation.

@@ -6,7 +6,7 @@ use super::search::{ArmSearch, Arms};
 use super::units::Units;
 use super::{Found, PointDoubt};
 use crate::linear::LinearSolver;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, Vanishing};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Scaled, Selection, Vanishing};
 use crate::sparse::{distance, dot, norm};
 use crate::spread::centred;
 

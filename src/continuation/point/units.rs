@@ -1,7 +1,7 @@
 //! Angles and distances to facets, independent of the units of the variables.
 
 use crate::judge::equilibrate;
-use crate::piecewise::{PiecewiseSmooth, Selection, TestLayout, Vanishing};
+use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing};
 use crate::sparse::{Matrix, norm};
 
 /// Rate of a test function, relative to its gradient, up to which a direction runs inside the facet.

@@ -7,7 +7,7 @@ use crate::continuation::ContinuationError;
 use crate::enumeration::{
     Completeness, Doubt, EnumerationError, EnumerationOptions, SolutionSet, all_solutions_until,
 };
-use crate::piecewise::{PiecewiseSmooth, Selection};
+use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection};
 use crate::sparse::Matrix;
 
 /// What [`list_solutions`] returns.

@@ -3,7 +3,7 @@
 use crate::continuation::engine::Curve;
 use crate::continuation::event::watch::Monitor;
 use crate::continuation::{ContinuationError, Termination};
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::PiecewiseSmoothExt;
 use crate::sparse::norm;
 
 /// Residual, in rounding errors of its terms, above which a step of refinement is made.

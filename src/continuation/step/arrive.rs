@@ -5,7 +5,7 @@ use crate::continuation::event::locate::STRAY;
 use crate::continuation::event::watch::Monitor;
 use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::{ContinuationError, Event, PointKind, Termination};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
+use crate::piecewise::{PiecewiseError, PiecewiseSmoothExt};
 use crate::sparse::{distance, norm};
 use crate::tolerances::TANGENTIAL;
 

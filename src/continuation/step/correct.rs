@@ -3,7 +3,7 @@
 use super::Accepted;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, relative_residual, row_sizes};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
+use crate::piecewise::{PiecewiseError, PiecewiseSmoothExt};
 use crate::sparse::norm;
 
 /// Share of the curvature of the last step that is remembered through inflections.

@@ -10,7 +10,6 @@ mod switching;
 use super::engine::Curve;
 use super::event::watch::{Monitor, Unresolved};
 use super::{ContinuationError, Event, Strategy, Termination};
-use crate::piecewise::PiecewiseSmooth;
 
 /// Corrections up to which a step counts as easy.
 const EASY: usize = 3;

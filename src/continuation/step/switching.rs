@@ -8,7 +8,8 @@ use crate::continuation::event::turn::kind;
 use crate::continuation::{ContinuationError, Event, PointKind, StepRule, Termination, Transition};
 use crate::newton::Correction;
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, select_pieces,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing,
+    select_pieces,
 };
 use crate::sparse::{distance, dot, norm};
 

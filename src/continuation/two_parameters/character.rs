@@ -4,7 +4,10 @@ use crate::continuation::Branch;
 use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError};
 use crate::newton::MoorePenrose;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, check_selection, check_sizes};
+use crate::piecewise::{
+    PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Scaled, ScaledMap, Selection, check_selection,
+    check_sizes,
+};
 use crate::sparse::{dot, norm};
 use crate::tolerances::{CHECKED, HALF_DIGITS, HALVINGS};
 

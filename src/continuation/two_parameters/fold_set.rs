@@ -4,7 +4,8 @@ use crate::InputError;
 use crate::input::check_vector;
 use crate::linear::{LinearError, null_space};
 use crate::piecewise::{
-    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_sizes, gradient_of, select,
+    Derivatives, Description, Facet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection,
+    TestLayout, check_sizes, gradient_of, select,
 };
 use crate::sparse::{Matrix, Pattern};
 use crate::tolerances::CENTRAL;
@@ -18,7 +19,7 @@ use crate::tolerances::CENTRAL;
 /// ```
 ///
 /// are 2n + 1 equations in the 2n + 2 variables (y, v, α, β) (Seydel 1979; Allgower and Georg 1990, ch. 8). s are the
-/// [typical sizes](PiecewiseSmooth::typical_sizes) of y in the family, and those of v. The set belongs to one selection: where the curve
+/// [typical sizes](crate::piecewise::Description::typical_sizes) of y in the family, and those of v. The set belongs to one selection: where the curve
 /// leaves its cell the fold is no longer smooth, and the curve [ends](crate::continuation::TransitionKind::End) in a point of codimension
 /// two, from which a [`TransitionSet`](crate::continuation::TransitionSet) continues it as non-smooth folds. [Smooth
 /// folds](crate::continuation::Event::SmoothFold) of this curve are its turning points in β: cusps, and births of isolas.
@@ -271,20 +272,16 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for FoldSet<P> {
         self.pattern.clone()
     }
 
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        let n = self.family.num_residuals();
-        sizes[..n].copy_from_slice(&self.sizes[..n]);
-        sizes[n..].copy_from_slice(&self.sizes);
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
     }
 
-    fn piece_name(&self, site: usize, _piece: usize) -> Cow<'_, str> {
-        self.family.piece_name(site, self.selection.piece(site))
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
     }
+}
 
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        self.family.site_name(site)
-    }
-
+impl<P: PiecewiseSmooth> Derivatives for FoldSet<P> {
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         let direction = self.family_point(d);
         self.family
@@ -306,6 +303,22 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for FoldSet<P> {
         for (j, g) in own.into_iter().enumerate() {
             gradient[self.column(j)] = g;
         }
+    }
+}
+
+impl<P: PiecewiseSmooth> Description for FoldSet<P> {
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        let n = self.family.num_residuals();
+        sizes[..n].copy_from_slice(&self.sizes[..n]);
+        sizes[n..].copy_from_slice(&self.sizes);
+    }
+
+    fn piece_name(&self, site: usize, _piece: usize) -> Cow<'_, str> {
+        self.family.piece_name(site, self.selection.piece(site))
+    }
+
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        self.family.site_name(site)
     }
 }
 

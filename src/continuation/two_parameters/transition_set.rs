@@ -4,7 +4,8 @@ use crate::InputError;
 use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
-    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_selection, gradient_of,
+    Derivatives, Description, Facet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection,
+    Structure, TestLayout, check_selection, gradient_of,
 };
 use crate::sparse::{Matrix, Pattern};
 
@@ -307,31 +308,24 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for TransitionSet<P> {
         self.pattern.clone()
     }
 
-    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
-        let piece = if site == self.site {
-            self.piece(piece)
-        } else {
-            piece
-        };
-        self.family.piece_name(site, piece)
-    }
-
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        self.family.site_name(site)
-    }
-
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        self.family.site_rows(site, rows);
-    }
-
     fn is_piecewise_affine(&self) -> bool {
         self.family.is_piecewise_affine()
     }
 
-    fn typical_sizes(&self, sizes: &mut [f64]) {
-        self.family.typical_sizes(sizes);
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
     }
 
+    fn structure(&self) -> Option<&dyn Structure> {
+        Some(self)
+    }
+
+    fn description(&self) -> Option<&dyn Description> {
+        Some(self)
+    }
+}
+
+impl<P: PiecewiseSmooth> Derivatives for TransitionSet<P> {
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         self.family.test_derivatives(x, d, out);
         out[self.index()] = 0.0;
@@ -353,5 +347,30 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for TransitionSet<P> {
         } else {
             self.family.test_gradient(site, test, x, gradient);
         }
+    }
+}
+
+impl<P: PiecewiseSmooth> Structure for TransitionSet<P> {
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        self.family.site_rows(site, rows);
+    }
+}
+
+impl<P: PiecewiseSmooth> Description for TransitionSet<P> {
+    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
+        let piece = if site == self.site {
+            self.piece(piece)
+        } else {
+            piece
+        };
+        self.family.piece_name(site, piece)
+    }
+
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        self.family.site_name(site)
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        self.family.typical_sizes(sizes);
     }
 }

@@ -7,7 +7,8 @@ use crate::enumeration::lists::{Continuum, Extent, NAMED, Solution, SolutionSet}
 use crate::enumeration::{EnumerationError, EnumerationOptions, system};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set, cell_margin,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, active_set,
+    cell_margin,
 };
 use crate::sparse::{Matrix, dot, max_abs, norm};
 use crate::tolerances::{DOUBTFUL, ROUNDING, SELECTIONS};

@@ -40,7 +40,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         selection: &Selection,
     ) -> Result<bool, PiecewiseError> {
         self.condensed.base = None;
-        let Some(of) = map.condensed() else {
+        let Some(of) = map.structure().and_then(|own| own.condensed()) else {
             return Ok(false);
         };
         let Some(hierarchical) = of.pieces.hierarchical() else {
@@ -74,7 +74,11 @@ impl<L: LinearSolver> MoorePenrose<L> {
     pub(crate) fn add_term_sizes(&mut self, map: &dyn PiecewiseSmooth, sizes: &[f64], out: &mut [f64]) {
         let hierarchical = self.updated_at_hand && self.condensed.in_use();
         let CondensedSystem { rows, room, .. } = &mut self.condensed;
-        match map.condensed().filter(|_| hierarchical) {
+        match map
+            .structure()
+            .and_then(|own| own.condensed())
+            .filter(|_| hierarchical)
+        {
             Some(of) => CondensedJacobian { of, rows, room }.add_term_sizes(sizes, out),
             None => self.jac.as_ref().add_term_sizes(sizes, out),
         }
@@ -97,7 +101,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         else {
             return Ok(false);
         };
-        let Some(of) = map.condensed() else {
+        let Some(of) = map.structure().and_then(|own| own.condensed()) else {
             return Ok(false);
         };
         updated.note(&mut CondensedJacobian { of, rows, room }, &self.changed_rows);

@@ -20,7 +20,7 @@ use crate::contact::{CondensedContact, EvolutionStep, NodeLaw};
 use crate::continuation::{Branch, ContinuationOptions, Diagram, SolutionList};
 use crate::fem::{ContactRows, ElasticSystem};
 use crate::options::setters;
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt};
 use crate::sparse::replace_file;
 
 /// Options of a [`Report`].

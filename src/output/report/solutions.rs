@@ -7,7 +7,7 @@ use super::page_of_curve::{View, described, thinned};
 use super::words::{number, size};
 use crate::continuation::BranchVertex;
 use crate::output::OutputError;
-use crate::piecewise::Selection;
+use crate::piecewise::{PiecewiseSmoothExt, Selection};
 
 /// Solutions listed at one load.
 const MOST_SOLUTIONS: usize = 12;

@@ -2,7 +2,7 @@
 
 use super::FindingKind;
 use super::session::{Place, Session};
-use crate::piecewise::{ActiveSet, Selection, cell_margin};
+use crate::piecewise::{ActiveSet, PiecewiseSmoothExt, Selection, cell_margin};
 use crate::sparse::Matrix;
 use crate::tolerances::RESULT;
 

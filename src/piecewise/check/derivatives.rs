@@ -2,7 +2,7 @@
 
 use super::FindingKind;
 use super::session::{Place, Session};
-use crate::piecewise::Selection;
+use crate::piecewise::{PiecewiseSmoothExt, Selection};
 use crate::sparse::Matrix;
 use crate::tolerances::CENTRAL;
 

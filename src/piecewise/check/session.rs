@@ -1,5 +1,5 @@
 use super::{CheckOptions, CheckReport, Finding, FindingKind};
-use crate::piecewise::{PiecewiseSmooth, Selection, Selections, TestLayout};
+use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection, Selections, TestLayout};
 use crate::tolerances::CENTRAL;
 
 /// Steps of difference quotients. The size of a variable is that of its samples, so that steps suit its units.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::piecewise::{Facet, Kinks, MinMap, NonsmoothFunction, Real, Scaled, Traced};
+use crate::piecewise::{Derivatives, Facet, Kinks, MinMap, NonsmoothFunction, Real, Scaled, Traced};
 use crate::spread::Random;
 
 /// Random curved formulas with a kink inside another; `speed` is the inverse of the length over which they
@@ -76,6 +76,12 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for Hidden<P> {
     fn is_piecewise_affine(&self) -> bool {
         self.0.is_piecewise_affine()
     }
+    fn derivatives(&self) -> Option<&dyn Derivatives> {
+        Some(self)
+    }
+}
+
+impl<P: PiecewiseSmooth> Derivatives for Hidden<P> {
     fn tests_of_selection(&self, s: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
         self.0.tests_of_selection(s, x, d, out);
     }
@@ -147,7 +153,7 @@ fn series_agree_with_differences_within_their_errors() {
     for _ in 0..60 {
         let function = Curved::random(&mut random, 1.0);
         let map = Traced::new(function);
-        assert!(map.has_nested_kinks());
+        assert!(PiecewiseSmoothExt::has_nested_kinks(&map));
         assert_estimates(
             &Hidden(&map),
             &map,

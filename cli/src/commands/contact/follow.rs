@@ -7,7 +7,7 @@ use semismooth::continuation::{
     Branch, Continuation, ContinuationOptions, Direction, Termination, Transition,
 };
 use semismooth::output::{BranchDiagram, Column, Curve, Panel, SegmentStyle, write_csv};
-use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt};
 
 use super::Case;
 use crate::commands::error::CommandError;

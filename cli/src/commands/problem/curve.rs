@@ -4,6 +4,7 @@ use std::io::Write;
 
 use semismooth::continuation::{Branch, Continuation, ContinuationOptions, Direction, Termination};
 use semismooth::output::{BranchDiagram, Curve, Panel, SegmentStyle, write_csv};
+use semismooth::piecewise::PiecewiseSmoothExt;
 
 use super::model::{Problem, RunFile};
 use super::{Case, MAX_TIME, short};

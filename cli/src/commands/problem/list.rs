@@ -4,7 +4,7 @@ use std::io::Write;
 
 use semismooth::continuation::{FoundSolutions, SearchOptions, SolutionList, list_solutions};
 use semismooth::enumeration::{EnumerationOptions, SolutionSet};
-use semismooth::piecewise::Selection;
+use semismooth::piecewise::{PiecewiseSmoothExt, Selection};
 
 use super::{Case, MAX_TIME};
 use crate::commands::error::CommandError;

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use semismooth::output::{Column, Report};
-use semismooth::piecewise::Selection;
+use semismooth::piecewise::{PiecewiseSmoothExt, Selection};
 
 use self::model::{Problem, RunFile};
 use super::error::CommandError;
