@@ -9,6 +9,9 @@ pub(crate) const SUM: f64 = 8.0 * f64::EPSILON;
 /// (`contradictory_equations_are_never_solved` of tests/mcp).
 pub(crate) const ROUNDING: f64 = 8.0 * SUM;
 
+/// The same for a value that a few operations give, as a part of it.
+pub(crate) const VALUE: f64 = 4.0 * f64::EPSILON;
+
 /// The same for results: numbers whose terms are results of other sums, of factorisations or of corrections.
 pub(crate) const RESULT: f64 = 1e-12;
 
@@ -25,6 +28,29 @@ pub(crate) const SAME: f64 = 1e-9;
 
 /// The square root of rounding: half of the digits. Numbers whose squares decide are known no better.
 pub(crate) const HALF_DIGITS: f64 = 1e-8;
+
+/// Six digits: what inverse iteration, differences of derivatives and decimal files give, and to which problems are solved that only lead
+/// to others. Directions of which less is left beside others are dependent on them, and conditions below are examined.
+pub(crate) const SIX_DIGITS: f64 = 1e-6;
+
+/// What is left of a vector, a column or a difference of unit size once all else was taken off: below this it is rounding of some hundreds
+/// of operations.
+pub(crate) const LEFT: f64 = 1e-13;
+
+/// Part of its terms from which on a residual shows no cancellation: the terms vanish together.
+pub(crate) const UNCANCELLED: f64 = 1e-3;
+
+/// How far one more Newton step may move a solution that a user gives, relative to its size: solvers stop at 1e-8 or below.
+pub(crate) const MOVED: f64 = 1e-5;
+
+/// Relative accuracy of systems and problems within an outer iteration that corrects what they leave.
+pub(crate) const LOOSE: f64 = 1e-4;
+
+/// Share of a diagonal that is added where a block is singular by rounding: regular then, and hardly changed.
+pub(crate) const SHIFT: f64 = 1e-9;
+
+/// Least radius of a certificate, relative to the data.
+pub(crate) const RADIUS: f64 = 1e12;
 
 /// Rate of a test function along a unit direction, relative to its gradient, below which the direction runs along its zero set; the
 /// same for α, along which curves are then vertical.
@@ -47,6 +73,9 @@ pub(crate) const SELECTIONS: u64 = 256;
 
 /// Halvings of an interval after which its ends are neighbouring numbers, and other steps that bracket.
 pub(crate) const HALVINGS: usize = 60;
+
+/// Steps after which it is left undecided whether the interiors of cones have a common point.
+pub(crate) const INTERIOR_STEPS: usize = 20_000;
 
 /// Numbers that fill a gigabyte: tables and lists of searches are refused, or end, in multiples of it (`src/guide/limits.md`).
 pub(crate) const GIGABYTE: usize = 1 << 27;

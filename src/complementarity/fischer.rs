@@ -5,9 +5,7 @@ use crate::input::check_options;
 use crate::piecewise::{Activity, Semismooth, open_cone};
 use crate::sparse::{Matrix, Pattern, norm};
 use crate::spread::Random;
-
-/// Steps after which it is left undecided whether sides of kinks intersect.
-const STEPS: usize = 20_000;
+use crate::tolerances::INTERIOR_STEPS;
 
 /// φ(a, b) = a + b − √(a² + b²).
 ///
@@ -328,7 +326,7 @@ impl<F: McpFunction> Semismooth for FischerBurmeister<'_, F> {
                 sides[*i] = side(k);
                 normals.push(gradient.iter().map(|g| side(k) * g).collect());
             }
-            match open_cone(&normals, STEPS) {
+            match open_cone(&normals, INTERIOR_STEPS) {
                 Activity::Essential => {}
                 Activity::Inessential if self.problem.function().is_affine() => continue,
                 _ => return None,

@@ -13,6 +13,7 @@ use super::{Cone, ConeProblem};
 use crate::complementarity::{ComplementarityError, McpFunction};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{Matrix, Pattern, dot, max_abs, norm};
+use crate::tolerances::HALF_DIGITS;
 
 /// Most steps. On the central path of a homogeneous problem a step divides the gap by ten or more, from 1 to
 /// its rounding: forty are enough, others only creep
@@ -21,10 +22,8 @@ const STEPS: usize = 60;
 /// Certificates are tried each time τ has fallen by this factor relative to −qᵀx: at each tenth of the way to
 /// rounding, or so.
 const FALL: f64 = 0.05;
-/// Corrections of one candidate, each of which divides what is left of its equations by 1/SHIFT.
+/// Corrections of one candidate, each of which divides what is left of its equations by 1/HALF_DIGITS.
 const CORRECTIONS: usize = 3;
-/// Regularisation of equations that may depend on each other, whose coefficients are of size one: √ε.
-const SHIFT: f64 = 1e-8;
 
 /// The homogeneous problem in (x, τ).
 struct Homogeneous<'a> {
@@ -191,7 +190,8 @@ fn correct(
         .enumerate()
         .for_each(|(k, &j)| equation[j] = Some(n + k));
     let mut entries: Vec<(usize, usize, f64)> = (0..n).map(|k| (k, k, 1.0)).collect();
-    entries.extend((n..n + m).map(|k| (k, k, -SHIFT)));
+    // Equations, whose coefficients are of size one, may depend on each other.
+    entries.extend((n..n + m).map(|k| (k, k, -HALF_DIGITS)));
     for (i, j, a) in matrix.triplets() {
         if let (Some(k), Some(e)) = (place[i], equation[j]) {
             entries.extend([(k, e, a), (e, k, a)]);

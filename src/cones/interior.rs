@@ -7,12 +7,11 @@ use super::jordan::{Scaling, jordan, jordan_divide, reach};
 use super::semidefinite::MatrixScaling;
 use crate::linear::{AutoSolver, Cholesky, Gmres, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef, dot, norm};
+use crate::tolerances::{LOOSE, RESULT};
 
-/// Directions of GMRES, which is not restarted; the relative residual aimed at, and the largest that is accepted. Matrices are symmetric
-/// but for a few rows, and a Cholesky factorisation of a symmetric matrix near them is the preconditioner.
+/// Directions of GMRES, which is not restarted. Matrices are symmetric but for a few rows, and a Cholesky factorisation of a symmetric
+/// matrix near them is the preconditioner.
 const DIRECTIONS: usize = 80;
-const AIM: f64 = 1e-12;
-const ACCEPT: f64 = 1e-4;
 
 /// Largest part of the step to the boundary of the cones that is taken.
 const FRACTION: f64 = 0.995;
@@ -286,10 +285,10 @@ impl Interior {
                 |x, y| matrix.mul_add(1.0, x, y),
                 |b| cholesky.solve_in_place(b),
                 &mut self.rhs,
-                AIM,
+                RESULT,
                 DIRECTIONS,
             );
-            return outcome.ok().filter(|o| o.residual <= ACCEPT).map(|_| ());
+            return outcome.ok().filter(|o| o.residual <= LOOSE).map(|_| ());
         }
         self.solver.solve_in_place(&mut self.rhs).ok()
     }

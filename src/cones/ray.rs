@@ -11,11 +11,10 @@ use crate::clock::Deadline;
 use crate::complementarity::{AffineFunction, ComplementarityError, McpFunction};
 use crate::exact::Exact;
 use crate::sparse::{Matrix, dot, max_abs, norm};
+use crate::tolerances::RADIUS;
 
 /// Parts of the largest component of a direction below which other ones are dropped in turn.
 const SMALL: [f64; 4] = [0.0, 1e-6, 1e-4, 1e-2];
-/// Least radius of a certificate, relative to the x at which M x and q are of similar size.
-const RADIUS: f64 = 1e12;
 
 /// How a certificate is sought.
 pub(super) struct Search<'a> {

@@ -11,10 +11,8 @@ use crate::linear::{AutoSolver, LinearSolver};
 use crate::run::Status;
 use crate::sparse::{Matrix, Pattern, max_abs, pieces};
 use crate::spread::Random;
-use crate::tolerances::ARMIJO;
+use crate::tolerances::{ARMIJO, HALF_DIGITS, LOOSE};
 
-/// Part of the merit by which a step must reduce it, and the shortest step that is tried.
-const SHORTEST: f64 = 1e-8;
 /// The smoothing parameter follows the merit: μ ≤ NEARNESS ‖Φ‖, and falls at least by the factor FALL.
 const NEARNESS: f64 = 0.1;
 const FALL: f64 = 0.2;
@@ -27,12 +25,10 @@ const PATIENCE: usize = 2;
 const STEPS: usize = 300;
 /// Multiples of the identity added to ∇F where steps fail.
 const PROXIMAL: [f64; 6] = [0.0, 1e-10, 1e-7, 1e-4, 1e-2, 1.0];
-/// Proximal points: the first weight of x − x_k in units of F, its changes after success and failure, and how far each of the problems is
-/// solved.
+/// Proximal points: the first weight of x − x_k in units of F, and its changes after success and failure.
 const WEIGHT: f64 = 0.1;
 const LIGHTER: f64 = 0.3;
 const HEAVIER: f64 = 5.0;
-const LOOSE: f64 = 1e-4;
 const OUTER: usize = 40;
 
 /// One solve.
@@ -439,7 +435,7 @@ impl<'a> Run<'a> {
                 continue;
             }
             let mut damping = 1.0;
-            while damping >= SHORTEST {
+            while damping >= HALF_DIGITS {
                 for (t, (x, d)) in self.trial.iter_mut().zip(self.x.iter().zip(&self.step)) {
                     *t = x + damping * d;
                 }

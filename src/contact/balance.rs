@@ -6,7 +6,7 @@ use crate::interface::View;
 use crate::linear::{Cholesky, LinearSolver};
 use crate::sparse::{Matrix, dot};
 use crate::spread::Random;
-use crate::tolerances::{HALF_DIGITS, RESULT};
+use crate::tolerances::{HALF_DIGITS, RESULT, SIX_DIGITS};
 use crate::variational::{Polyhedron, Projection};
 
 /// The shift added to the matrix scaled to unit diagonal, and the number of inverse iterations with it.
@@ -15,8 +15,6 @@ const STEPS: usize = 8;
 
 /// Largest number of zero-energy motions that are looked for: those of two solids, or of four plane bodies.
 const MOTIONS: usize = 12;
-/// A motion of which less than this part is independent of those before is one of them.
-const DEPENDENT: f64 = 1e-6;
 /// Largest number of times that planes are added to the cone of motions without forces: it is found to rounding after a few.
 const CUTS: usize = 30;
 
@@ -97,7 +95,8 @@ fn free_motions(a: &Matrix) -> Vec<Vec<f64>> {
             z.iter_mut().zip(other).for_each(|(z, o)| *z -= along * o);
         }
         let rest = dot(&z, &z).sqrt();
-        if rest.is_nan() || rest <= DEPENDENT * whole {
+        // What depends on the motions before is one of them.
+        if rest.is_nan() || rest <= SIX_DIGITS * whole {
             break;
         }
         z.iter_mut().for_each(|z| *z /= rest);

@@ -2,11 +2,7 @@
 
 use super::{ContactBody, ContactError, LoadPath};
 use crate::sparse::Matrix;
-use crate::tolerances::CHECKED;
-
-/// Relative to the largest entry: differences of a_ij and a_ji up to CHECKED are rounding of 64-bit numbers (as in the condensed form), those
-/// up to WRITTEN of files with seven digits or more, and larger ones are meant.
-const WRITTEN: f64 = 1e-6;
+use crate::tolerances::{CHECKED, SIX_DIGITS};
 
 impl ContactBody {
     /// As [`new`](Self::new), for matrices that another program has written, such as a statically condensed substructure: where rounding
@@ -35,8 +31,10 @@ impl ContactBody {
         load: LoadPath,
     ) -> Result<(Self, Option<String>), ContactError> {
         super::body::check_matrices(&a, &[&normal])?;
+        // Differences of a_ij and a_ji are rounding of 64-bit numbers (as in the condensed form), or of files with seven digits or more;
+        // larger ones are meant.
         let found = a.asymmetry(CHECKED);
-        let (Some((row, col, difference)), None) = (found, a.asymmetry(WRITTEN)) else {
+        let (Some((row, col, difference)), None) = (found, a.asymmetry(SIX_DIGITS)) else {
             return Ok((Self::new(a, normal, tangential, load)?, None));
         };
         let halves = a

@@ -2,10 +2,11 @@
 
 use super::body::Nodes;
 use crate::sparse::Place;
+use crate::tolerances::SIX_DIGITS;
 
-/// Deviation from a rigid motion, and parts of one, relative to its largest displacement, up to which they are rounding: zero-energy motions
-/// are found by inverse iteration to about the square root of rounding.
-const ROUNDING: f64 = 1e-6;
+/// Parts of a motion, and its deviation from a rigid one, relative to its largest displacement, that may be rounding: motions without energy
+/// are found by inverse iteration.
+const ROUNDING: f64 = 100.0 * SIX_DIGITS;
 
 /// What a motion with a largest displacement of 1 does to the body: "slides along (1, 0)" or "turns about ...". `None` where it is not one
 /// rigid motion of all nodes that move.
@@ -13,7 +14,7 @@ pub(super) fn in_words(nodes: &Nodes, z: &[f64]) -> Option<String> {
     let dim = 1 + nodes.displacements.iter().map(|d| d[1]).max()?;
     let mut moves = vec![false; nodes.points.len()];
     for (value, [node, _]) in z.iter().zip(&nodes.displacements) {
-        moves[*node] |= value.abs() > ROUNDING;
+        moves[*node] |= value.abs() > SIX_DIGITS;
     }
     let moving: Vec<[f64; 3]> = (0..moves.len())
         .filter(|&n| moves[n])
@@ -38,7 +39,7 @@ pub(super) fn in_words(nodes: &Nodes, z: &[f64]) -> Option<String> {
     let parts = solved(system, wanted)?;
     for (value, motions) in components() {
         let rigid: f64 = wanted.iter().map(|&i| parts[i] * motions[i]).sum();
-        if (rigid - value).abs() > 100.0 * ROUNDING {
+        if (rigid - value).abs() > ROUNDING {
             return None;
         }
     }
@@ -49,7 +50,7 @@ fn told(place: &Place, parts: [f64; 6], dim: usize) -> String {
     let [t, turn] = [[parts[0], parts[1], parts[2]], [parts[3], parts[4], parts[5]]];
     let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let rate = length(turn);
-    if rate <= 100.0 * ROUNDING {
+    if rate <= ROUNDING {
         return format!("slides along {}", vector(t.map(|x| x / length(t)), dim));
     }
     // The points at rest, or that move along the axis alone, in units of the body: ω × t/|ω|².
@@ -68,7 +69,7 @@ fn told(place: &Place, parts: [f64; 6], dim: usize) -> String {
         vector(through, 3),
         vector(turn.map(|x| x / rate), 3)
     );
-    match along <= 100.0 * ROUNDING {
+    match along <= ROUNDING {
         true => line,
         false => line + ", along which it slides",
     }

@@ -15,9 +15,6 @@ pub(super) const SOLVED: f64 = 1e-10;
 /// to its foundation has no other forces.
 pub(super) const BLURRED: f64 = ROUNDING / SOLVED;
 
-/// Sizes below this, the smallest number with all digits, are judged as if they were this large.
-pub(super) const SMALLEST: f64 = f64::MIN_POSITIVE;
-
 /// Whether every entry is no more than the rounding of its terms.
 pub(super) fn is_rounding_of(sums: &[f64], terms: &[f64]) -> bool {
     sums.iter()
@@ -51,7 +48,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         let Ok(state) = BodyState::at(self, x) else {
             return false;
         };
-        let known = |v: &f64| v.abs().max(SMALLEST);
+        let known = |v: &f64| v.abs().max(f64::MIN_POSITIVE);
         let u: Vec<f64> = state.u.iter().map(known).collect();
         let forces = &x[first..first + q];
         let sizes: Vec<f64> = forces.iter().map(known).collect();

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::ContactState;
 use super::law::{LocalValues, MAX_TESTS, NodeLaw};
-use super::rounding::{BLURRED, SMALLEST, SOLVED, size_of_forces};
+use super::rounding::{BLURRED, SOLVED, size_of_forces};
 use crate::words::{Count, Size};
 
 /// A solution of a contact problem, node by node: the same type for the full form, the condensed form, the fixed point and the Delassus
@@ -152,7 +152,7 @@ impl ContactSolution {
             load,
             ..ContactEnergy::default()
         };
-        let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, SMALLEST.max(least));
+        let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, f64::MIN_POSITIVE.max(least));
         let mut states = Vec::with_capacity(nodes.len());
         for (i, v) in nodes.iter().enumerate() {
             let (state, h) = law(v);
@@ -241,7 +241,7 @@ pub(super) fn judge<L: NodeLaw + ?Sized>(law: &L, v: &LocalValues) -> (ContactSt
 
 /// Largest entry of A u + Bᵀ λ − f against the largest of the three terms; `cases` are Σ |terms| of the load cases, which may cancel.
 pub(super) fn imbalance(stiff: &[f64], reaction: &[f64], load: &[f64], cases: &[f64]) -> f64 {
-    let (mut worst, mut size) = (0.0f64, SMALLEST);
+    let (mut worst, mut size) = (0.0f64, f64::MIN_POSITIVE);
     for (((a, b), f), terms) in stiff.iter().zip(reaction).zip(load).zip(cases) {
         worst = worst.max((a + b - f).abs());
         size = size.max(a.abs()).max(b.abs()).max(f.abs()).max(BLURRED * terms);

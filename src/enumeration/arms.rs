@@ -5,7 +5,7 @@ mod collector;
 use collector::Collector;
 use std::collections::BTreeSet;
 
-use super::local::local_selections;
+use super::local::{SOLVES, local_selections};
 use super::monotone::Complementary;
 use super::proven_arms::{FEW, proven_arms};
 use super::search::SelectionSearch;
@@ -22,8 +22,6 @@ use crate::tolerances::{GIGABYTE, TANGENTIAL};
 
 /// Two unit tangents closer than this are one arm.
 const SAME: f64 = 1e-7;
-/// Largest number of linear systems in the local search, per start.
-const SOLVES: usize = 100;
 /// Selections examined one by one where the table of the search would not fit.
 const LARGE: u64 = 4096;
 /// Selections listed between two checks of the time limit.

@@ -16,7 +16,7 @@ use crate::spread::Random;
 use crate::tolerances::TANGENTIAL;
 
 /// Largest number of linear solves for one start.
-const SOLVES: usize = 100;
+pub(super) const SOLVES: usize = 100;
 
 /// Selections that may have arms at a point with too many degenerate sites for a complete search: those at which Newton's method on
 /// the directional problem stops, and singular ones among its iterates. It starts from `starts` random selections for either sign of α̇,

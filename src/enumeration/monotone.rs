@@ -11,11 +11,10 @@ use nalgebra::{Cholesky, DMatrix};
 use super::search::SelectionSearch;
 use super::system::System;
 use super::table::{Place, Sign, Table};
+use crate::tolerances::HALF_DIGITS;
 
 /// Largest number of sites at which both forms vanish, so that either piece may be chosen: 2 to this number of selections.
 const MAX_TIES: usize = 10;
-/// Margin by which a matrix must be positive definite, relative to its diagonal.
-const DEFINITE: f64 = 1e-8;
 
 /// A linear complementarity problem for the forms of the open sites.
 pub(super) struct Complementary<'a> {
@@ -78,7 +77,7 @@ impl<'a> Complementary<'a> {
         let rows = errors.iter().zip(&factors).zip(&sizes);
         let rows: f64 = rows.map(|((e, f), size)| (e * f).powi(2) / size).sum();
         let columns: f64 = sizes.iter().map(|size| 1.0 / size).sum();
-        let margin = (rows * columns).sqrt().max(DEFINITE);
+        let margin = (rows * columns).sqrt().max(HALF_DIGITS);
         let scaled = DMatrix::from_fn(k, k, |i, j| {
             let mean = (matrix[(i, j)] + matrix[(j, i)]) / (2.0 * (sizes[i] * sizes[j]).sqrt());
             mean - if i == j { margin } else { 0.0 }

@@ -29,8 +29,6 @@ use crate::tolerances::SELECTIONS;
 const MANY: usize = 32;
 /// Number of negative tests after which no other is made.
 const ATTEMPTS: usize = 4;
-/// The margin of a point inside its cell, until it is computed.
-const INSIDE: f64 = f64::INFINITY;
 
 /// All solutions at a parameter of a map that gives exact conditions.
 pub(super) fn proven_solutions(
@@ -339,7 +337,7 @@ impl<'a> Gathered<'a> {
             Some(SelectionSolutions::None) => {}
             Some(SelectionSolutions::Point { point, sign, touched }) => {
                 let margin = if touched.is_empty() && sign != 0 {
-                    INSIDE
+                    f64::INFINITY
                 } else {
                     0.0
                 };
@@ -524,7 +522,8 @@ impl<'a> Gathered<'a> {
             self.blunt.push(self.solutions.len());
         }
         self.points.push(None);
-        self.solutions.push(solution(x, pieces, found.sign, INSIDE));
+        self.solutions
+            .push(solution(x, pieces, found.sign, f64::INFINITY));
     }
 
     fn full(&self, mut y: Vec<f64>) -> Vec<f64> {

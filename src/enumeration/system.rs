@@ -8,10 +8,7 @@ use crate::input::check_vector;
 use crate::linear::LinearError;
 use crate::piecewise::{ActiveSet, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout};
 use crate::sparse::Matrix;
-use crate::tolerances::{GIGABYTE, ROUNDING};
-
-/// Derivatives that differ by more than this, relative to their size, are not constant.
-const CONSTANT: f64 = 1e-6;
+use crate::tolerances::{GIGABYTE, ROUNDING, SIX_DIGITS};
 
 /// A piecewise-affine system: the common forms vanish, and at every site all conditions of one of its pieces hold.
 #[derive(Debug, Clone)]
@@ -368,7 +365,7 @@ pub(super) fn probe(origin: &[f64], unknowns: usize) -> Vec<f64> {
 }
 
 fn constant_form(form: &Form, what: impl Fn() -> String) -> Result<(), EnumerationError> {
-    if form.error > 4.0 * CONSTANT * size(form).max(f64::MIN_POSITIVE) && form.error > 1e-9 {
+    if form.error > 4.0 * SIX_DIGITS * size(form).max(f64::MIN_POSITIVE) && form.error > 1e-9 {
         return Err(EnumerationError::NotAffine { what: what() });
     }
     Ok(())

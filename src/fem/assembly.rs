@@ -14,10 +14,9 @@ use super::{FemError, Material, Mesh, PlaneModel};
 use crate::InputError;
 use crate::interface::LoadCase;
 use crate::sparse::{Matrix, Pattern};
-use crate::tolerances::SAME;
-
 /// No free displacement.
-pub(super) const PRESCRIBED: usize = usize::MAX;
+pub(super) use crate::tolerances::NONE as PRESCRIBED;
+use crate::tolerances::SAME;
 
 /// The assembled system A u = f of the free displacements of an [`Elasticity`].
 ///

@@ -3,14 +3,11 @@
 use super::parts::Parts;
 use super::{Columns, equilibrate};
 use crate::sparse::max_abs;
-use crate::tolerances::{ROUNDING, SUM};
+use crate::tolerances::{ROUNDING, SUM, UNCANCELLED};
 
 /// Rounding that may hide a contradiction between the rows of a singular part, as a part of their terms: eight times [`ROUNDING`]. At the
 /// default tolerance none above 2e-7 of the constants passes (`contradictory_equations_are_never_solved` of tests/mcp).
 const HIDING: f64 = 8.0 * ROUNDING;
-
-/// A residual of at least this part of its terms shows no cancellation.
-const OPEN: f64 = 1e-3;
 
 /// A point and the residual f there, of square equations or of the complementarity problem of f and its bounds.
 ///
@@ -85,7 +82,7 @@ impl Verdict {
 
     /// Whether some residual is not small relative to its terms.
     pub(crate) fn is_open(self) -> bool {
-        self.error >= OPEN
+        self.error >= UNCANCELLED
     }
 
     /// Whether the residuals are only rounding errors of the terms.

@@ -3,6 +3,7 @@ use super::memory::check_finite;
 use super::{AutoSolver, DENSE_LIMIT, LinearError, LinearSolver, null_space};
 use crate::input::check_length;
 use crate::sparse::{Matrix, MatrixRef, Pattern, PatternRef, dot, norm};
+use crate::tolerances::{LEFT, RESULT};
 
 /// The frozen coordinate is kept while its share of the hint is at least this, to save a symbolic analysis.
 const KEEP: f64 = 0.01;
@@ -12,12 +13,6 @@ const POOR_SMALL: f64 = 1e4;
 
 /// … and for large ones, where another choice costs a symbolic analysis.
 const POOR_LARGE: f64 = 1e7;
-
-/// Cosines below this count as orthogonal, relative singular values below it as zero.
-const ORTHOGONAL: f64 = 1e-13;
-
-/// Last coordinates of the unit tangent below this count as zero in [`Bordered::det_sign`].
-const VERTICAL: f64 = 1e-12;
 
 /// The bordered systems of continuation, `[∇H; tᵀ] x = [r; c]` with ∇H of n rows and n + 1 columns, without a dense row ever
 /// being stored.
@@ -219,7 +214,7 @@ impl<L: LinearSolver> Bordered<L> {
     /// Takes k from the kernel of the equilibrated Jacobian, found densely.
     fn attempt_by_kernel(&mut self, jacobian: &Matrix) -> Result<(), LinearError> {
         let equilibrated = equilibrate(jacobian);
-        let kernel = null_space(&equilibrated, ORTHOGONAL)?.right;
+        let kernel = null_space(&equilibrated, LEFT)?.right;
         let [v] = kernel.as_slice() else {
             return Err(LinearError::Kernel {
                 expected: 1,
@@ -401,7 +396,7 @@ impl<L: LinearSolver> Bordered<L> {
         let slope = dot(t, &self.tangent);
         let size = dot(t, t).sqrt();
         // Also true for t = 0 and where squares overflow.
-        if slope.abs() > ORTHOGONAL * size {
+        if slope.abs() > LEFT * size {
             Ok(slope)
         } else {
             let rcond = if size > 0.0 { slope.abs() / size } else { 0.0 };
@@ -428,7 +423,8 @@ impl<L: LinearSolver> Bordered<L> {
         let n = self.pattern.nrows();
         let last = self.tangent[n];
         // ∇_yH itself was factored, and is regular, if the last coordinate is frozen.
-        let regular = self.frozen == n || last.abs() >= VERTICAL;
+        // Where the unit tangent is vertical but for rounding its sign is not known.
+        let regular = self.frozen == n || last.abs() >= RESULT;
         Some(if regular { sign(last) } else { 0 })
     }
 

@@ -2,9 +2,6 @@ use super::LinearError;
 use crate::sparse::sum_abs;
 use crate::tolerances::ROUNDING;
 
-/// Below it a reciprocal condition number may be due to units, and that of the balanced matrix is computed, too.
-pub(super) const SMALL: f64 = 1e-6;
-
 /// Most steps of the estimator; it rarely needs more than two.
 const STEPS: usize = 5;
 

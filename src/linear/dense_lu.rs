@@ -12,12 +12,13 @@ use faer::linalg::triangular_solve::solve_unit_lower_triangular_in_place;
 use faer::perm::PermRef;
 use faer::{Accum, Conj, MatMut, MatRef, Par};
 
-use super::condition::{SMALL, judge, norm_1_estimate};
+use super::condition::{judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs, dense_zeros};
 use super::scaling::{Scaling, scale_columns};
 use super::{LinearError, LinearSolver};
 use crate::parallel;
 use crate::sparse::{MatrixRef, PatternRef, max_abs, sum_abs};
+use crate::tolerances::{HALF_DIGITS, SIX_DIGITS};
 
 /// Orders below this are eliminated column by column, where blocking does not pay.
 pub(super) const BLOCKED: usize = 50;
@@ -32,12 +33,6 @@ const BLOCK_RHS: usize = 16;
 /// Orders up to which large pivots alone prove a good condition: |U⁻¹| is at most 2ⁿ⁻¹ times the growth over the smallest pivot.
 /// The estimator would cost more than the elimination.
 const TINY: usize = 4;
-
-/// Smallest pivot relative to the norm that proves it.
-const SAFE_PIVOT: f64 = 1e-6;
-
-/// Growth of entries during elimination above which half of all digits are lost.
-const MAX_GROWTH: f64 = 1e8;
 
 /// Dense LU with partial pivoting, for any pattern (entries not stored are zeros).
 ///
@@ -193,7 +188,7 @@ impl DenseLu {
             return Err(LinearError::Singular { rcond: 0.0 });
         }
         // Entries of S are below 4, so this is the growth of pivoting, the only way it loses its backward stability.
-        if growth > MAX_GROWTH {
+        if growth > 1.0 / HALF_DIGITS {
             return Err(LinearError::Inaccurate {
                 residual: growth * f64::EPSILON,
             });
@@ -217,7 +212,7 @@ impl DenseLu {
         if factors.n <= TINY {
             let pivots = (0..factors.n).map(|k| self.lu[k * (factors.n + 1)].abs());
             let ratio = pivots.fold(f64::INFINITY, f64::min) / norm;
-            if ratio > SAFE_PIVOT {
+            if ratio > SIX_DIGITS {
                 self.rcond = Some(ratio);
                 return Ok(());
             }
@@ -228,7 +223,8 @@ impl DenseLu {
             &mut self.sign,
         );
         let rcond = judge(norm, inverse_norm)?;
-        if rcond < SMALL && !balanced {
+        // A small one may be due to units: that of the balanced matrix is computed, too.
+        if rcond < SIX_DIGITS && !balanced {
             self.to_balance.extend_from_slice(values);
         }
         self.rcond = Some(rcond);

@@ -2,10 +2,7 @@ use super::LinearError;
 use super::memory::check_finite;
 use crate::input::check_length;
 use crate::sparse::MatrixRef;
-use crate::tolerances::NONE;
-
-/// Pivots below this part of the largest entry of their column are moved up to it.
-const PIVOT: f64 = 1e-8;
+use crate::tolerances::{HALF_DIGITS, NONE};
 
 /// A preconditioner: solves with a matrix near the given one.
 pub trait Preconditioner {
@@ -94,7 +91,8 @@ impl Preconditioner for IncompleteLu {
                     }
                 }
             }
-            let least = PIVOT * largest;
+            // Smaller pivots are moved up to this size.
+            let least = HALF_DIGITS * largest;
             let pivot = &mut self.values[place];
             if pivot.abs() < least {
                 *pivot = least.copysign(*pivot);

@@ -3,9 +3,7 @@ use std::mem::MaybeUninit;
 
 use super::dense_lu::{BLOCKED, Factors, eliminate_blocked, eliminate_small, scratch_bytes};
 use crate::sparse::max_abs;
-
-/// Pivots below this share of the largest entry of their column count as zero.
-const SINGULAR: f64 = 1e-13;
+use crate::tolerances::LEFT;
 
 /// LU with partial pivoting of a small dense matrix whose order changes from call to call; no scaling, no condition estimate, no
 /// allocation up to the largest order seen. Meant for the reduced systems of active-set methods, which are equilibrated.
@@ -56,7 +54,7 @@ impl SmallLu {
         // Written so that NaN fails.
         self.largest.iter().enumerate().all(|(j, largest)| {
             let pivot = self.entries[j * k + j];
-            pivot.abs() > SINGULAR * largest && pivot.is_finite()
+            pivot.abs() > LEFT * largest && pivot.is_finite()
         })
     }
 

@@ -10,13 +10,13 @@ use faer::sparse::linalg::lu::{
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par};
 
-use super::condition::{SMALL, judge, norm_1_estimate};
+use super::condition::{judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs};
 use super::scaling::{Scaling, scale_columns};
 use super::{LinearError, LinearSolver};
 use crate::Cause;
 use crate::sparse::{MatrixRef, PatternRef};
-use crate::tolerances::{CHECKED, ROUNDING};
+use crate::tolerances::{CHECKED, ROUNDING, SIX_DIGITS};
 
 /// Right-hand sides solved for at a time, so that scratch is bounded.
 pub(super) const BLOCK_RHS: usize = 8;
@@ -123,7 +123,8 @@ impl SparseLu {
         let solve = |x: &mut [f64], transpose: bool| engine.solve(x, transpose);
         let inverse_norm = norm_1_estimate(solve, x, &mut rest[..n]);
         let rcond = judge(self.norm_1, inverse_norm)?;
-        if rcond < SMALL && !balanced {
+        // A small one may be due to units: that of the balanced matrix is computed, too.
+        if rcond < SIX_DIGITS && !balanced {
             self.to_balance.extend_from_slice(values);
         }
         self.rcond = Some(rcond);

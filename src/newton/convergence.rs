@@ -3,6 +3,7 @@
 pub(super) use crate::judge::{equilibrate, row_sizes};
 use crate::sparse::MatrixRef;
 use crate::sparse::norm;
+use crate::tolerances::UNCANCELLED;
 
 /// Result of [`is_small`].
 #[derive(PartialEq, Clone, Copy)]
@@ -19,9 +20,6 @@ pub(super) struct Scratch<'a> {
     pub(super) col: &'a mut [f64],
     pub(super) max: &'a mut [f64],
 }
-
-/// Where |H_i| is a larger share of its terms, these do not cancel: they vanish together.
-const VANISHING: f64 = 1e-3;
 
 /// Whether |r| ≤ tolerance · size: in the norm and row by row.
 ///
@@ -70,7 +68,7 @@ pub(super) fn is_small(
         if r <= tolerance * s {
             continue;
         }
-        if r < VANISHING * s || row[i] != 0.0 {
+        if r < UNCANCELLED * s || row[i] != 0.0 {
             return Small::No;
         }
         if !settled[i] {

@@ -3,13 +3,13 @@
 use std::ops::ControlFlow;
 
 use super::forcing::Before;
-use super::iterate::JUMP;
 use super::{Convergence, Damping, Iteration, NewtonError, NewtonKrylovOptions, Report, Step, Unsolved};
 use crate::input::check_vector;
 use crate::linear::{Krylov, LinearError};
 use crate::piecewise::{MatrixFree, PiecewiseError};
 use crate::run::Status;
 use crate::sparse::{distance, norm as norm2};
+use crate::tolerances::SIX_DIGITS;
 
 /// Full steps in a row that may fail to lower the least residual by a tenth.
 const PATIENCE: usize = 5;
@@ -191,7 +191,8 @@ impl Run<'_> {
             if norm <= goal {
                 return Ok(self.end(index, norm, Ok(Convergence::Tolerance)));
             }
-            if stalls && norm <= JUMP * scale && self.is_rounding(x, norm) {
+            // A larger share of its terms that changes with the last digits of x is a jump of H, not rounding.
+            if stalls && norm <= SIX_DIGITS * scale && self.is_rounding(x, norm) {
                 return Ok(self.end(index, norm, Ok(Convergence::Rounding)));
             }
             if index >= self.options.max_iterations {
@@ -212,7 +213,7 @@ impl Run<'_> {
                     norm = self.evaluate(x);
                     continue;
                 }
-                Err(_) if norm <= JUMP * scale && self.is_rounding(x, norm) => {
+                Err(_) if norm <= SIX_DIGITS * scale && self.is_rounding(x, norm) => {
                     return Ok(self.end(index, norm, Ok(Convergence::Rounding)));
                 }
                 Err(reason) => return Ok(self.end(index, norm, Err(reason))),

@@ -9,12 +9,10 @@ use crate::piecewise::PiecewiseError;
 use crate::run::Status;
 use crate::sparse::Matrix;
 use crate::sparse::norm as norm2;
+use crate::tolerances::{SIX_DIGITS, VALUE};
 
 /// Line-search iterations after which the residual must have halved, or pieces are changed one at a time.
 const PATIENCE: usize = 12;
-
-/// Share of its terms beyond which a residual that changes with the last digits of x is a jump of H, not rounding.
-pub(super) const JUMP: f64 = 1e-6;
 
 /// Stage of the globalisation.
 #[derive(PartialEq, PartialOrd, Clone, Copy)]
@@ -387,14 +385,13 @@ impl Run<'_> {
     /// Marks the rows whose residual the last step has not reduced although it exceeds the error of the linear model, and those that it has
     /// reduced to rounding: a row c·x_i = 0 would be reduced by that factor in every step.
     fn watch(&mut self, jac: &Matrix) {
-        const VANISHED: f64 = 4.0 * f64::EPSILON;
         let work = &mut *self.work;
         work.model.iter_mut().for_each(|m| *m = -*m);
         (jac.leading_columns(self.n)).mul_add(1.0, &work.d, &mut work.model);
         for i in 0..self.n {
             let (now, before) = (work.r[i].abs(), work.trial_r[i].abs());
             let bend = work.model[i].abs();
-            work.settled[i] |= now > 0.5 * before && now > bend || now <= VANISHED * before;
+            work.settled[i] |= now > 0.5 * before && now > bend || now <= VALUE * before;
         }
     }
 
@@ -415,7 +412,8 @@ impl Run<'_> {
 
     /// Whether each residual is a small part of its terms, whatever the precision of the map; perhaps where it may still fall.
     fn terms_cancel(&mut self, jac: &Matrix, x: &[f64]) -> Small {
-        let small = self.is_small(jac, x, JUMP);
+        // A larger share that changes with the last digits of x is a jump of H, not rounding.
+        let small = self.is_small(jac, x, SIX_DIGITS);
         let work = &*self.work;
         let tolerance = self.options.relative_tolerance;
         let rests = |i: usize| work.settled[i] || work.r[i].abs() <= tolerance * work.size[i];
@@ -439,7 +437,7 @@ impl Run<'_> {
         }
         let work = &mut *self.work;
         row_sizes(jac.as_ref(), x, &mut work.size);
-        if norm2(&work.r) > JUMP * norm2(&work.size) {
+        if norm2(&work.r) > SIX_DIGITS * norm2(&work.size) {
             return false;
         }
         work.size.fill(0.0);

@@ -53,10 +53,6 @@ pub(super) const CONTRACTION: f64 = 0.1;
 const SECANTS: f64 = 0.3;
 /// Chord steps go on below the tolerance on steps, down to this share of it: the accuracy that the last Newton step would reach.
 const QUADRATIC: f64 = 1e-4;
-/// Steps up to this size, relative to 1 + ‖x‖, end a correction where they no longer shrink …
-const STALLED: f64 = 1e-9;
-/// … and up to this one where rounding errors of H explain them: with a nearly singular Jacobian x is not determined more accurately.
-const ILL_CONDITIONED: f64 = 1e-6;
 /// Steps up to this multiple of the estimated effect of rounding errors count as rounding errors.
 const AT_ROUNDING: f64 = 2.0;
 

@@ -9,7 +9,7 @@ use crate::Cause;
 use crate::clock::Clock;
 use crate::run::Status;
 use crate::sparse::{dot, max_abs, norm};
-use crate::tolerances::HALVINGS;
+use crate::tolerances::{HALVINGS, VALUE};
 use crate::variational::{Multipliers, Polyhedron, Projection};
 
 /// Part of the predicted decrease that a step to a better point has to reach, part up to which the slope at a new gradient has to come, and
@@ -24,8 +24,6 @@ const SMOOTH: f64 = 1.0 / 3.0;
 /// Factor by which one change of the weight is limited, and a bound of all of them together.
 const CHANGE: f64 = 10.0;
 const RANGE: f64 = 1e10;
-/// Rounding of a value.
-const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 
 /// A point with the value and the gradient there.
 struct Sample {
@@ -179,7 +177,7 @@ impl<'a> Run<'a> {
                 Ok(found) => line.step = self.take(&direction, found),
                 Err(status) => {
                     // Rounding of f may hide what the model still promises.
-                    let is_hidden = DECREASE * direction.predicted() <= ROUNDINGS * self.here.value.abs();
+                    let is_hidden = DECREASE * direction.predicted() <= VALUE * self.here.value.abs();
                     let status = match status {
                         Status::Stalled if is_stationary && is_hidden => Status::Solved,
                         status => status,
@@ -229,12 +227,12 @@ impl<'a> Run<'a> {
     /// Whether the aggregate is small against gradients, and its planes differ little from f against what f differs by, but for rounding.
     fn is_stationary(&self, direction: &Direction) -> bool {
         let (highest, here) = (self.highest, self.here.value);
-        let rounding = ROUNDINGS * highest.abs().max(here.abs());
+        let rounding = VALUE * highest.abs().max(here.abs());
         let largest = max_abs(&self.slopes);
         // f may not depend on a component that constraints move.
         let most = |slope: f64| match slope > 0.0 {
             true => self.options.tolerance * slope,
-            false => ROUNDINGS * largest,
+            false => VALUE * largest,
         };
         let mut slopes = direction.subgradient.iter().zip(&self.slopes);
         slopes.all(|(s, slope)| s.abs() <= most(*slope))
@@ -270,7 +268,7 @@ impl<'a> Run<'a> {
         let (lower, upper) = (self.set.lower(), self.set.upper());
         let step = self.here.point.iter().zip(d).map(|(x, d)| x + t * d);
         // Bounds that are met but for rounding are met.
-        let at_bound = |x: f64, b: f64| b.is_finite() && (x - b).abs() <= ROUNDINGS * b.abs();
+        let at_bound = |x: f64, b: f64| b.is_finite() && (x - b).abs() <= VALUE * b.abs();
         let point: Vec<f64> = (step.zip(lower).zip(upper))
             .map(|((x, l), u)| match () {
                 () if x < *l || at_bound(x, *l) => *l,

@@ -4,11 +4,11 @@ use crate::complementarity::pivoting::Lemke;
 use crate::complementarity::{ComplementarityError, Lcp, McpOptions, McpSolver, McpStrategy};
 use crate::run::Status;
 use crate::sparse::{Matrix, dot, norm};
+use crate::tolerances::CHECKED;
 use crate::variational::{Multipliers, Polyhedron};
 
-/// Natural residual of a quadratic program in its units up to which a solution that is not accurate in each of its rows is used, as p + ν and the
-/// errors are computed from the multipliers; and the part of the decrease by which a plane may be violated then.
-const ACCURATE: f64 = 1e-10;
+/// Part of the decrease by which a plane may be violated where a solution of a quadratic program is not accurate in each of its rows: p + ν
+/// and the errors are computed from the multipliers.
 const CUT: f64 = 0.1;
 
 /// A linearisation of f, or a convex combination of some.
@@ -209,7 +209,7 @@ impl Model {
         };
         // Pivots may meet a singular basis, at degenerate points or where there are equations.
         let pivoted = self.lemke.solve(&lcp, &mut z).is_ok_and(|found| {
-            found.status == Status::Solved || (found.residual <= ACCURATE && is_accurate(&z))
+            found.status == Status::Solved || (found.residual <= CHECKED && is_accurate(&z))
         });
         if !pivoted {
             let newton = McpOptions::default().with_strategies(vec![McpStrategy::Newton]);

@@ -4,11 +4,10 @@ use super::{ExactConditions, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt
 use crate::exact::{Exact, determinant_sign};
 use crate::linear::{AutoSolver, DENSE_LIMIT, LinearError, LinearSolver};
 use crate::sparse::{Matrix, MatrixRef};
+use crate::tolerances::CHECKED;
 
-/// Reciprocal condition, rows and columns equilibrated, below which the sign of a factorisation is replaced by an exact one where that is
-/// available. The rounding of a factorisation of order n is some n ε, times the growth of its entries.
-const NEAR: f64 = 1e-10;
-/// Allowance for that growth, for the rounding of the entries and for the error of the estimated condition.
+/// Allowance for the growth of entries in a factorisation of order n, whose rounding is some n ε else, for the rounding of the entries and
+/// for the error of the estimated condition.
 const ALLOWANCE: f64 = 1e3;
 /// Numbers written in exact arithmetic for one verdict, long ones counted as many: some tenths of a second.
 const WORK: u64 = 4_000_000;
@@ -102,9 +101,9 @@ impl<'a> Determinants<'a> {
     }
 }
 
-/// Reciprocal condition of a matrix of order n below which exact arithmetic decides.
+/// Reciprocal condition of a matrix of order n, rows and columns equilibrated, below which exact arithmetic decides where it is available.
 pub(crate) fn near(n: usize) -> f64 {
-    NEAR.max(ALLOWANCE * n as f64 * f64::EPSILON)
+    CHECKED.max(ALLOWANCE * n as f64 * f64::EPSILON)
 }
 
 /// Signs of det ∇_yH^(σ) in exact arithmetic.

@@ -10,10 +10,8 @@ use super::{
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
 use crate::spread::Random;
-use crate::tolerances::HALF_DIGITS;
+use crate::tolerances::{HALF_DIGITS, INTERIOR_STEPS};
 
-/// Steps after which the interior of a cell is undecided.
-const STEPS: usize = 20_000;
 /// Distances, in units of the variables, at which test functions that may be identical are compared.
 const AROUND: [f64; 4] = [0.3, 0.1, 1e-2, 1e-3];
 
@@ -168,7 +166,7 @@ impl<'a> Cones<'a> {
                 None => return Cell::Unknown,
             }
         }
-        match open_cone(&normals, STEPS) {
+        match open_cone(&normals, INTERIOR_STEPS) {
             Activity::Essential => Cell::Open,
             Activity::Inessential if affine || self.contradicts(selection, &gradients.units, &facets) => {
                 Cell::Empty

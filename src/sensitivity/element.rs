@@ -7,16 +7,14 @@ use crate::linear::{AutoSolver, LinearError, LinearSolver, least_singular_value}
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, square};
 use crate::sparse::Matrix;
 use crate::spread::Random;
-use crate::tolerances::DENSE;
+use crate::tolerances::{DENSE, VALUE};
 
 /// Random signs with which the rounding of all terms is propagated, and the factor from the largest result to
 /// a bound: with fewer or smaller ones, terms that happen to cancel would be taken for certain.
 const PROBES: usize = 4;
 const ALLOWANCE: f64 = 16.0;
-/// Roundings a term of a row.
-const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 /// A width in units of |J⁻¹| |(J, ∂_θH)| |d|.
-pub(super) const WIDTH: f64 = ALLOWANCE * ROUNDINGS;
+pub(super) const WIDTH: f64 = ALLOWANCE * VALUE;
 
 /// An element of the generalised derivative of the solutions x(θ): the derivative −J⁻¹ ∂_θH (n × k) of the
 /// solutions of one selection, J being its ∂_xH. It is kept as factors of J, so that products cost one solve
@@ -169,7 +167,7 @@ pub(super) fn widths(jacobian: &Matrix, solver: &mut AutoSolver, d: &[f64]) -> R
     jacobian.as_ref().add_term_sizes(d, &mut terms);
     let (mut widths, mut spread) = (vec![0.0_f64; n], Random::new(1));
     for _ in 0..PROBES {
-        let sign = |t: &f64| (ROUNDINGS * t).copysign(spread.symmetric());
+        let sign = |t: &f64| (VALUE * t).copysign(spread.symmetric());
         let mut moved: Vec<f64> = terms.iter().map(sign).collect();
         solver.solve_in_place(&mut moved)?;
         for (w, v) in widths.iter_mut().zip(&moved) {

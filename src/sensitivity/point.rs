@@ -10,13 +10,10 @@ use crate::piecewise::{
 };
 use crate::sparse::{Matrix, max_abs};
 use crate::spread::Random;
-use crate::tolerances::{HALF_DIGITS, ROUNDING};
+use crate::tolerances::{HALF_DIGITS, MOVED, ROUNDING};
 
 /// Steps of Newton's method that move the point given to the solution it is an approximation of.
 const STEPS: usize = 12;
-/// How far they may move it, relative to the terms that determine each unknown and to its typical size: solvers
-/// stop at 1e-8 or below.
-const NEAR: f64 = 1e-5;
 /// Random directions from which the rounding of test functions is found, and the factor to a bound.
 const PROBES: usize = 6;
 const ALLOWANCE: f64 = 8.0;
@@ -284,7 +281,7 @@ fn polish(
         at.iter_mut().zip(&d).for_each(|(x, d)| *x += d);
         let moved = |j: &usize| (at[*j] - start[*j]).abs() / sizes[*j];
         let farthest = (0..n).max_by(|a, b| moved(a).total_cmp(&moved(b))).unwrap_or(0);
-        let is_near = moved(&farthest) <= NEAR;
+        let is_near = moved(&farthest) <= MOVED;
         if !is_near {
             return Err(SensitivityError::NoSolution {
                 variable: farthest,

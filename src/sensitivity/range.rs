@@ -12,9 +12,7 @@ use crate::input::check_vector;
 use crate::input::{check_options, positive};
 use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt};
 use crate::sparse::max_abs;
-
-/// Events before this part of the horizon are the kink that the solution is on.
-const START: f64 = 1e-9;
+use crate::tolerances::SAME;
 
 /// How far along a direction δ the solutions x(θ + s δ), s > 0, stay on one smooth piece.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -130,7 +128,8 @@ impl Solved {
             let event = event?;
             reached = event.parameter();
             let is_kink = !matches!(event, Event::Point(_) | Event::Monitor(_));
-            if is_kink && reached > START {
+            // Those at the start are the kink that the solution is on.
+            if is_kink && reached > SAME {
                 return Ok(Validity::Followed(horizon * reached));
             }
         }

@@ -7,17 +7,10 @@ use crate::complementarity::ComplementarityError;
 use crate::exact::Exact;
 use crate::judge::Emptiness;
 use crate::sparse::{dot, max_abs, norm};
-use crate::tolerances::{CHECKED, ROUNDING};
-
-/// A unit normal counts as dependent on the active ones if its part orthogonal to their span is shorter than this, times their
-/// coefficients.
-const DEPENDENT: f64 = 1e-13;
+use crate::tolerances::{CHECKED, LEFT, RADIUS, ROUNDING};
 
 /// How often rows are checked again after the rounding errors of earlier steps have been removed.
 const LOOKS: usize = 2;
-
-/// Radius of a certificate that exact arithmetic does not confirm, relative to the data.
-const MARGIN: f64 = 1e12;
 
 /// Result of a projection.
 #[derive(Debug, Clone, PartialEq)]
@@ -331,7 +324,7 @@ impl<'a> Solver<'a> {
                 let size = (0..self.kinds.len())
                     .filter(|&p| self.norms[p] > 0.0)
                     .fold(self.far.max(max_abs(&self.y)), |m, p| m.max(self.right(p).abs()));
-                if certificate.radius < MARGIN * size {
+                if certificate.radius < RADIUS * size {
                     return None;
                 }
             }
@@ -420,7 +413,8 @@ impl<'a> Solver<'a> {
             let r = self.back_substitute(&d);
             let length = norm(&z);
             let spread = 1.0 + r.iter().map(|r| r.abs()).sum::<f64>();
-            let dependent = length <= DEPENDENT * spread;
+            // Nothing is left of the normal beside the active ones.
+            let dependent = length <= LEFT * spread;
             let (slack, size) = self.slack(p);
             // The row is a combination of active rows, whose rounding errors count, as do those of y since the start at x.
             let size = size + self.far.max(max_abs(&self.y));

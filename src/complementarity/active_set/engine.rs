@@ -10,12 +10,10 @@ use crate::input::{check_length, check_vector};
 use crate::judge::{Columns, Judge};
 use crate::linear::{LinearError, Scaling};
 use crate::run::Status;
-use crate::tolerances::SUM;
+use crate::tolerances::{CHECKED, SUM};
 
 /// Relative accuracy asked of iterative solves while the sets still change much.
 const COARSE: f64 = 5e-2;
-/// Smallest relative residual asked of a linear system.
-const EXACT: f64 = 1e-10;
 /// A start is replaced by one from coarser problems if more than this part of the components still change after the first iteration.
 const FAR: f64 = 0.02;
 /// Block exchanges before single ones; triangular matrices need as many as unknowns, while the number of wrong signs falls slowly or not at
@@ -431,9 +429,9 @@ impl Engine {
         let tolerance = if !(residual.is_finite() && goal.is_finite()) {
             COARSE
         } else if changes == 0 {
-            goal.clamp(EXACT, COARSE)
+            goal.clamp(CHECKED, COARSE)
         } else {
-            (progress * progress).clamp(goal.clamp(EXACT, COARSE), COARSE)
+            (progress * progress).clamp(goal.clamp(CHECKED, COARSE), COARSE)
         };
         let count = systems.solve(&mut self.r, &mut self.step, tolerance)?;
         z.iter_mut().zip(&self.step).for_each(|(z, d)| *z += d);

@@ -12,9 +12,7 @@ use crate::input::{check_length, check_vector};
 use crate::judge::Columns;
 use crate::linear::{LinearError, Prolongation, Rows, affine_prolongation, coarse_problem};
 use crate::run::Status;
-
-/// Tolerance on coarser levels, whose solutions are starts only.
-const COARSE_TOLERANCE: f64 = 1e-6;
+use crate::tolerances::SIX_DIGITS;
 
 /// A problem with coarser versions of it: solved on the coarsest first, each solution and its active set prolonged to the next.
 ///
@@ -188,8 +186,9 @@ impl Nested {
             };
             let mut systems = MultigridReduced::with_matrices(below, &self.matrices[known])?;
             let mut options = options.clone();
+            // Solutions of coarser levels are starts only.
             if k > 0 {
-                options.tolerance = options.tolerance.max(COARSE_TOLERANCE);
+                options.tolerance = options.tolerance.max(SIX_DIGITS);
             }
             let mut engine = Engine::new(options);
             let mut own = if k > 0 {
@@ -278,9 +277,7 @@ pub(super) fn algebraic_start(
     let (Some(first), Some(nested)) = (first, nested) else {
         return Ok(None);
     };
-    let options = options
-        .clone()
-        .with_tolerance(options.tolerance.max(COARSE_TOLERANCE));
+    let options = options.clone().with_tolerance(options.tolerance.max(SIX_DIGITS));
     let mut coarse = vec![0.0; first.num_coarse()];
     let report = nested.solve(&options, &mut coarse)?;
     let mut z = vec![0.0; lcp.len()];

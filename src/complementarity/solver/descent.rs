@@ -6,6 +6,7 @@ use super::engine::Engine;
 use super::plan::Plan;
 use crate::run::Status;
 use crate::sparse::max_abs;
+use crate::tolerances::HALF_DIGITS;
 
 /// A merit above this part of the best one counts as hardly reduced; so many such steps in a row end the descent.
 const HARDLY: f64 = 0.99;
@@ -212,7 +213,8 @@ impl Engine<'_> {
         if psi > watch.next || psi.is_nan() {
             return false;
         }
-        watch.next = psi * Watch::AGAIN;
+        // Rounded off again once the merit has fallen by as much again.
+        watch.next = psi * HALF_DIGITS;
         self.round_off()
     }
 
@@ -241,8 +243,6 @@ struct Watch {
 impl Watch {
     /// Part of its first value to which the merit must fall.
     const FALLEN: f64 = 1e-16;
-    /// The same from one check to the next.
-    const AGAIN: f64 = 1e-8;
     /// Growth of the iterates on the way to infinity.
     const AWAY: f64 = 1.2;
     /// Last step relative to the size of the iterates below which they are at rest. Where the merit of exp(−x), exp(−x²) or exp(−exp x) has

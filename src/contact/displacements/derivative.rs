@@ -14,15 +14,13 @@ use crate::input::{check_finite, check_vector};
 use crate::linear::{KrylovReport, LinearError};
 use crate::sensitivity::SensitivityError;
 use crate::sparse::{Matrix, max_abs};
-use crate::tolerances::ROUNDING;
+use crate::tolerances::{MOVED, ROUNDING};
 
 /// Multiples of a further Newton step, and of the rounding of the largest force of a node, that a test function must exceed to have a sign.
 const ALLOWANCE: f64 = 64.0;
 /// Largest relative residual of the linear systems; results are refused above ten times of it.
 const TOLERANCE: f64 = 1e-11;
 const LARGEST: f64 = 10.0 * TOLERANCE;
-/// How far one more Newton step may move a solution, relative to the largest displacement, as in the other forms.
-const NEAR: f64 = 1e-5;
 
 /// A solution of the form in displacements as a function of [parameters](ContactParameters): made by [`ReducedContact::sensitivity`]. It
 /// borrows the problem, whose multigrid it uses: a product with the derivative is one linear solve, a gradient one with the transposed
@@ -462,7 +460,7 @@ impl ReducedSensitivity<'_> {
             .iter()
             .map(|v| v.penetration.abs().max(v.slip[0].abs()).max(v.slip[1].abs()));
         let longest = lengths.fold(max_abs(at_solution), f64::max);
-        let is_near = distance <= NEAR * longest;
+        let is_near = distance <= MOVED * longest;
         if !is_near {
             let variable = (0..u.len()).find(|&k| u[k].abs() == distance).unwrap_or(0);
             let residual = h

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 use super::body_state::BodyState;
 use super::per_node::RELATIVE_R;
-use super::rounding::{SMALLEST, is_rounding_of};
+use super::rounding::is_rounding_of;
 use super::solution::judge;
 use super::{
     CondensedContact, ContactError, ContactOptions, ContactProgress, ContactSolution, ContactStrategy,
@@ -440,7 +440,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             v.history[..h].copy_from_slice(&self.history[i * h..(i + 1) * h]);
             values.push(v);
         }
-        let (mut worst, mut size) = (0.0f64, SMALLEST);
+        let (mut worst, mut size) = (0.0f64, f64::MIN_POSITIVE);
         for ((a, f), contact) in image.iter().zip(&f).zip(&is_contact) {
             size = size.max(a.abs()).max(f.abs());
             let rest = (a - f).abs();

@@ -8,27 +8,25 @@ use super::system::{ReducedStep, ReducedSystem};
 use super::{ReducedIteration, ReducedOptions, ReducedProgress, ReducedReport, ReducedTimes};
 use crate::clock::{Clock, Deadline};
 use crate::contact::law::NodeLaw;
-use crate::contact::rounding::{SMALLEST, size_of_forces};
+use crate::contact::rounding::size_of_forces;
 use crate::contact::{ContactError, ContactResiduals, ContactState, ContactStrategy};
 use crate::linear::KrylovReport;
 use crate::run::Status;
-use crate::tolerances::ARMIJO;
+use crate::tolerances::{ARMIJO, LOOSE, SIX_DIGITS};
 
 /// Number of full steps that do not halve the best residual, after which steps are damped.
 const PATIENCE: usize = 8;
 /// Smallest step length.
 const SHORTEST: f64 = 1.0 / 128.0;
-/// Smallest relative tolerance of a linear system, and its share of the reduction of the residual still needed.
-const EXACT: f64 = 1e-4;
+/// Share of the reduction of the residual still needed to which a linear system is solved.
 const SHARE: f64 = 0.3;
 /// γ of Eisenstat and Walker's choice 2: η = γ (‖r‖ / ‖r of the step before‖)².
 const GAMMA: f64 = 0.5;
 /// A linear solve that leaves more than this of its residual has failed.
 const USELESS: f64 = 0.5;
-/// Load steps: the first one, the smallest, the tolerance of intermediate steps, the largest number of Newton steps of each.
+/// Load steps: the first one, the smallest, the largest number of Newton steps of each.
 const FIRST_STEP: f64 = 0.125;
 const SMALLEST_STEP: f64 = 1e-4;
-const ON_THE_WAY: f64 = 1e-6;
 const STEPS_ON_THE_WAY: usize = 25;
 
 /// Residuals before the first evaluation.
@@ -328,7 +326,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
             return largest;
         }
         let ratio = error / before;
-        let wanted = (GAMMA * ratio * ratio).max(EXACT).max(SHARE * tolerance / error);
+        let wanted = (GAMMA * ratio * ratio).max(LOOSE).max(SHARE * tolerance / error);
         wanted.min(largest)
     }
 
@@ -360,7 +358,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
         for _ in 0..self.options.max_load_steps {
             let next = (share + step).min(1.0);
             let (tolerance, limit) = if next < 1.0 {
-                (self.options.tolerance.max(ON_THE_WAY), STEPS_ON_THE_WAY)
+                (self.options.tolerance.max(SIX_DIGITS), STEPS_ON_THE_WAY)
             } else {
                 (self.options.tolerance, self.options.max_iterations)
             };
@@ -408,7 +406,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
     /// Residuals at u with the image A u.
     fn judge(&self, u: &[f64], image: &[f64], mut keep: Option<&mut Vec<Node>>) -> Outcome<State, S::Error> {
         let mut squares = 0.0;
-        let (mut balance, mut weight) = (0.0f64, SMALLEST);
+        let (mut balance, mut weight) = (0.0f64, f64::MIN_POSITIVE);
         for ((f, a), contact) in self.load.iter().zip(image).zip(&self.is_contact) {
             let rest = f - a;
             weight = weight.max(f.abs()).max(a.abs());
@@ -419,7 +417,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
                 balance = balance.max(rest.abs());
             }
         }
-        let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, SMALLEST);
+        let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, f64::MIN_POSITIVE);
         let (mut counts, mut moved, mut failure) = ([0.0; 3], 0.0, None);
         for i in 0..self.nodes.components.len() {
             let v = self.nodes.values(self.law, i, u, |k| self.load[k] - image[k]);

@@ -3,10 +3,7 @@
 use crate::contact::ContactState;
 use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
 use crate::contact::solution::piece_of;
-use crate::tolerances::{CHECKED, RESULT};
-
-/// Shift that keeps nearly singular blocks of the forces invertible, relative to their size.
-const SOFTENING: f64 = 1e-9;
+use crate::tolerances::{CHECKED, RESULT, SHIFT};
 
 /// The linearised law of a node: some components of its displacement are prescribed, for the others (`free`)
 /// δλ = stiffness δu + constant + coupling δλν, the last with prescribed penetration only.
@@ -132,7 +129,7 @@ fn softened(mut e: [[f64; 3]; 3], range: std::ops::Range<usize>) -> [[f64; 3]; 3
         .flat_map(|a| e[a])
         .fold(0.0f64, |m, v| m.max(v.abs()));
     for a in range {
-        e[a][a] += SOFTENING * size;
+        e[a][a] += SHIFT * size; // invertible, if nearly singular
     }
     e
 }

@@ -3,6 +3,7 @@ use super::coefficient::check_coefficient;
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN};
 use crate::contact::{ContactError, ContactState};
 use crate::piecewise::Facet;
+use crate::tolerances::HALF_DIGITS;
 
 /// Coulomb friction in space with principal coefficients F = diag(F₁, F₂) along t₁, t₂, each of them F_k(x, ‖u_t‖, α) > 0, or both 0 at
 /// a node that has no friction at all:
@@ -21,9 +22,6 @@ use crate::piecewise::Facet;
 pub struct OrthotropicCoulomb {
     coefficients: [FrictionCoefficient; 2],
 }
-
-/// ε relative to the length of d, in units of slip: above rounding, below all relevant slips.
-const SHORT: f64 = 1e-8;
 
 /// b²/a² from which φ is linear in a. A spurious solution, at which φ ≠ ‖u_t‖, would need b²/a² at least this large.
 const OBLIQUE: f64 = 400.0;
@@ -88,7 +86,8 @@ impl OrthotropicCoulomb {
         } else {
             ((u[0] * d[1] - u[1] * d[0]) / size).powi(2)
         };
-        let epsilon2 = (SHORT * length / v.r).powi(2);
+        // In units of slip above rounding, and below all relevant slips.
+        let epsilon2 = (HALF_DIGITS * length / v.r).powi(2);
         let width = a * a + epsilon2;
         let (ratio, limited) = if b2 < OBLIQUE * width {
             (b2 / width, false)
@@ -114,7 +113,7 @@ impl OrthotropicCoulomb {
                 return root * da;
             }
             let db2 = 2.0 * (u[0] * du[0] + u[1] * du[1] - a * da);
-            let dwidth = 2.0 * (a * da + (SHORT / v.r).powi(2) * lengthened);
+            let dwidth = 2.0 * (a * da + (HALF_DIGITS / v.r).powi(2) * lengthened);
             root * da + 0.5 * a / root * (db2 - ratio * dwidth) / width
         };
         let mut row = LocalRow::default();
@@ -308,7 +307,7 @@ mod tests {
         let law = OrthotropicCoulomb::new(first, second);
         for slip in [[0.8, 1.5], [-0.3, 0.7], [2.0, -2.5]] {
             let at = LocalValues {
-                slip: slip.map(|u| u * SHORT),
+                slip: slip.map(|u| u * HALF_DIGITS),
                 traction: [0.3, -0.2],
                 r: 1.3,
                 ..LocalValues::default()
@@ -328,7 +327,7 @@ mod tests {
                     (row.traction[k] - by_traction).abs() < 1e-6 * value.abs(),
                     "{slip:?} {k}"
                 );
-                let by_slip = difference(1e-4 * SHORT, |v| &mut v.slip);
+                let by_slip = difference(1e-4 * HALF_DIGITS, |v| &mut v.slip);
                 assert!((row.slip[k] - by_slip).abs() < 1e-6, "{slip:?} {k}");
             }
         }

@@ -12,15 +12,15 @@ use crate::newton::Newton;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::norm;
 use crate::spread::golden;
+use crate::tolerances::RESULT;
 
 /// Limit on points × unknowns³ of one path, and the least limit on points that follows from it.
 const WORK: f64 = 4e12;
 const FEWEST: f64 = 300.0;
 
-/// The smallest step, and the accuracy of the end of a path: where a coefficient of friction changes steeply with the slip, compared with
-/// the stiffness, paths bend within lengths far below the usual steps.
+/// The smallest step: where a coefficient of friction changes steeply with the slip, compared with the stiffness, paths bend within lengths
+/// far below the usual steps.
 const MIN_STEP: f64 = 1e-13;
-const ACCURATE: f64 = 1e-12;
 
 /// Largest and smallest increment of the homotopy parameter in [0, 1].
 const LARGEST: f64 = 0.25;
@@ -227,7 +227,7 @@ fn follow(
         .with_step(0.1)
         .with_max_step(1.0 + (x.len() as f64).sqrt())
         .with_min_step(MIN_STEP)
-        .with_step_tolerance(ACCURATE)
+        .with_step_tolerance(RESULT)
         .with_max_points(limits.max_points)
         .with_max_nodes(limits.max_nodes)
         .with_max_time(limits.max_time)

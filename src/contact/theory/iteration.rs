@@ -12,6 +12,7 @@ use crate::input::{check_options, not_negative};
 use crate::options::setters;
 use crate::piecewise::{PiecewiseSmooth, Selection, select};
 use crate::sparse::norm;
+use crate::tolerances::SAME;
 use crate::words::{Size, iterations};
 
 /// Number of iterations without a new smallest change after which the iteration has stagnated.
@@ -93,8 +94,6 @@ pub struct FixedPointReport {
     pub nodes_changed: Vec<usize>,
 }
 
-/// A smallest change above this is not noise: the noise of inner problems solved to rounding is far below.
-const NOISE: f64 = 1e-9;
 /// Factor up to which changes above the smallest one count as noise.
 const ABOVE_NOISE: f64 = 100.0;
 /// Least and largest number of ratios of changes from which a rate is computed.
@@ -134,7 +133,8 @@ impl FixedPointReport {
             .map_or(0, |k| k + 1);
         let tail = self.changes.get(begin..)?;
         let smallest = tail.iter().copied().fold(f64::INFINITY, f64::min);
-        let floor = if smallest < NOISE {
+        // Problems within the iteration are solved to rounding: what is left of changes that become small is noise.
+        let floor = if smallest < SAME {
             ABOVE_NOISE * smallest.max(f64::EPSILON)
         } else {
             0.0
@@ -231,7 +231,7 @@ pub fn fixed_point_observed<L: NodeLaw>(
         report.converged = change <= options.tolerance;
         since = if change < smallest { 0 } else { since + 1 };
         smallest = smallest.min(change);
-        report.stagnated = since >= STAGNATION && smallest < NOISE && !report.converged;
+        report.stagnated = since >= STAGNATION && smallest < SAME && !report.converged;
         let now = select(&inner, &x);
         report.nodes_changed.push(before.differing_sites(&now).count());
         pieces = Some(now);

@@ -11,6 +11,7 @@ use crate::parallel;
 use crate::sparse::{
     Entry, Matrix, Pattern, ROWS, RowSum, Symmetric, add_all, add_product, subtract_transposed, wide,
 };
+use crate::tolerances::SHIFT;
 
 /// Stored entries of a matrix for which a thread pays off.
 const GRAIN: usize = 1 << 17;
@@ -475,9 +476,6 @@ impl<const B: usize, S: Entry> Strip<'_, B, S> {
 fn count_before(cols: &[u32], start: usize) -> usize {
     cols.iter().take_while(|j| (**j as usize) < start).count()
 }
-
-/// Share of a diagonal entry that is added where a coarse matrix is singular by rounding.
-const SHIFT: f64 = 1e-9;
 
 /// A direct solver for the coarsest matrix, in double precision. Unknowns without a positive pivot are left out.
 #[derive(Debug, Clone)]

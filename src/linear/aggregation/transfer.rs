@@ -5,9 +5,7 @@ use super::dense::{add_scaled_product, add_transposed_product, mask_rows};
 use crate::clock::Until;
 use crate::parallel;
 use crate::sparse::{Blocks, Entry, MOST_PARTS, ROWS, Symmetric, add_product, add_transposed, wide};
-
-/// Columns of near-kernel vectors on an aggregate that become this much shorter by orthogonalisation against the others do not count.
-const DEPENDENT: f64 = 1e-6;
+use crate::tolerances::SIX_DIGITS;
 
 /// Near-kernel vectors of the nodes of a level, a row each component.
 pub(super) type Modes<const R: usize, const K: usize> = Vec<[[f32; K]; R]>;
@@ -432,7 +430,8 @@ fn triangularise<const K: usize>(rows: &mut [[f64; K]]) -> [[f64; K]; K] {
             rows.iter_mut().for_each(|r| r[c] -= s * r[b]);
         }
         let left: f64 = rows.iter().map(|r| r[c] * r[c]).sum::<f64>().sqrt();
-        if left > DEPENDENT * before {
+        // Columns that depend on the others do not count.
+        if left > SIX_DIGITS * before {
             factor[c][c] = left;
             rows.iter_mut().for_each(|r| r[c] /= left);
         }

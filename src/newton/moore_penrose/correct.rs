@@ -1,13 +1,12 @@
 //! Corrections of a predicted point.
 
-use super::{
-    AT_ROUNDING, CONTRACTION, Correction, ILL_CONDITIONED, MoorePenrose, QUADRATIC, SECANTS, STALLED,
-};
+use super::{AT_ROUNDING, CONTRACTION, Correction, MoorePenrose, QUADRATIC, SECANTS};
 use crate::linear::{DENSE_LIMIT, LinearSolver};
 use crate::newton::chords::{newton_steps, turn_into};
 use crate::newton::convergence::row_sizes;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{dot, norm};
+use crate::tolerances::{SAME, SIX_DIGITS};
 
 impl<L: LinearSolver> MoorePenrose<L> {
     /// Corrects X = `x` towards the curve of the selection, which `choose` may change at each iterate (or leave, to freeze it), and turns
@@ -155,7 +154,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// Whether a step from x in the plane normal to `normal` is no longer than the step that rounding errors of H cause with the stored
     /// factors: ε times the terms of each row, with alternating signs.
     fn is_rounding(&mut self, step: f64, x: &[f64], normal: &[f64]) -> Result<bool, PiecewiseError> {
-        if step.is_nan() || step > ILL_CONDITIONED * (1.0 + norm(x)) {
+        // With a nearly singular Jacobian x is not determined more accurately.
+        if step.is_nan() || step > SIX_DIGITS * (1.0 + norm(x)) {
             return Ok(false);
         }
         let rounding = match self.rounding {
@@ -230,7 +230,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             let noise = 4.0 * f64::EPSILON * size;
             let least = if chord { SECANTS } else { CONTRACTION };
             let slow = step.is_nan() || step > least * outcome.step_norm;
-            let small = step <= STALLED * (1.0 + size);
+            let small = step <= SAME * (1.0 + size);
             let rounding = step <= noise || (small || slow) && self.is_rounding(step, x, normal)?;
             if chord && slow && !rounding {
                 // The factors belong to a point too far away: restart from the guess, unless the chord steps have come near.

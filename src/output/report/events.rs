@@ -6,12 +6,11 @@ use super::page_of_curve::{View, described, parameter, shortened};
 use super::words::{number, of_kind, size};
 use crate::continuation::{Transition, TransitionKind, VertexKind};
 use crate::sparse::{distance, norm};
+use crate::tolerances::SIX_DIGITS;
 use crate::words::Count;
 
 /// A component of a unit tangent below which it is not said in which direction it goes.
 const STANDS: f64 = 1e-7;
-/// Distance relative to 1 + ‖x‖ up to which points of two lists are one: far above what correctors leave, far below what pictures show.
-const SAME: f64 = 1e-6;
 
 /// An event of the curve.
 pub(super) struct Happening<'a> {
@@ -136,7 +135,7 @@ impl<'a> View<'a> {
             .map(|d| d.solutions_at(self.subject.map, here))
         {
             Some(Ok(at)) if at.continua.is_empty() => {
-                let near = SAME * (1.0 + norm(vertex.x));
+                let near = SIX_DIGITS * (1.0 + norm(vertex.x));
                 let others = at
                     .points
                     .iter()
@@ -192,7 +191,7 @@ impl<'a> View<'a> {
         let known = |x: &[f64]| {
             happenings
                 .iter()
-                .any(|h| distance(h.x, x) <= SAME * (1.0 + norm(x)))
+                .any(|h| distance(h.x, x) <= SIX_DIGITS * (1.0 + norm(x)))
         };
         let kinds = diagram.vertices().iter().filter_map(|v| {
             let what = match v.kind {

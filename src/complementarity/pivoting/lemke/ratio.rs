@@ -2,10 +2,7 @@
 
 use super::{Lemke, Var};
 use crate::complementarity::Lcp;
-use crate::tolerances::DOUBTFUL;
-
-/// Ratios closer than this, relative to their size, are ties; the lexicographic rule decides among them.
-const TIE: f64 = 1e-13;
+use crate::tolerances::{DOUBTFUL, LEFT};
 
 /// What bounds the move of the entering variable.
 pub(super) enum Block {
@@ -53,7 +50,8 @@ impl Lemke {
                 Block::Nothing
             };
         }
-        let limit = least * (1.0 + TIE);
+        // Ratios that differ by rounding only are ties; the lexicographic rule decides among them.
+        let limit = least * (1.0 + LEFT);
         self.tied.clear();
         for k in 0..self.basic.len() {
             if self.rate[k] != 0.0 && self.work[k] <= limit {
