@@ -22,6 +22,7 @@ mod root;
 mod run;
 mod semidefinite;
 mod solver;
+mod step;
 
 pub use cone::Cone;
 pub(crate) use interior::{Image, Interior};

@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use super::element::Reference;
 use super::facet::integrate;
-use super::mesh::{by_position, cross, dot, norm};
+use super::vectors::{by_position, cross, dot, norm};
 use super::{ElasticSystem, FemError};
 use crate::input::check_length;
 use crate::interface::LoadCase;

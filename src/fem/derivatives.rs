@@ -3,7 +3,7 @@
 use super::assembly::{ElasticSystem, PRESCRIBED};
 use super::cell_points::{Point, Points};
 use super::element::MAX_NODES;
-use super::material::{KEPT, MaterialConstant, PlaneModel};
+use super::material::{KEPT, MaterialConstant, PlaneModel, Tensor};
 use super::{ContactRows, FemError};
 use crate::input::check_length;
 use crate::sparse::Matrix;
@@ -25,9 +25,6 @@ impl MaterialConstant {
         }
     }
 }
-
-/// Stress from strain.
-pub(super) type Tensor = [[f64; 6]; 6];
 
 /// A cell with its displacements, and the strains of its nodal displacements at the points of integration.
 struct Cell {

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::mesh::{cross, dot};
+use super::vectors::{cross, dot};
 use crate::words::named;
 
 /// Kinds of cells: with linear (simplices) or multilinear (boxes) shape functions, and isoparametric ones of second order.

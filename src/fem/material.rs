@@ -7,6 +7,9 @@ pub(super) const VOIGT: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2
 /// Those in the plane.
 pub(super) const KEPT: [usize; 3] = [0, 1, 3];
 
+/// Stress from strain.
+pub(super) type Tensor = [[f64; 6]; 6];
+
 /// The reduction of a body in space to a plane problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

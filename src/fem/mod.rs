@@ -13,6 +13,7 @@ mod contact;
 mod derivatives;
 mod elasticity;
 mod element;
+mod element_matrix;
 mod error;
 mod facet;
 #[cfg(feature = "serde")]
@@ -29,6 +30,7 @@ mod node_groups;
 mod notes;
 mod order;
 mod overlap;
+mod place;
 mod plastic;
 mod refine;
 mod rigid;
@@ -36,6 +38,7 @@ mod springs;
 mod stiffness;
 mod tokens;
 mod trace;
+mod vectors;
 mod von_mises;
 
 pub use assembly::ElasticSystem;

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use super::contact::{Along, INWARD, NOTHING, frame, unit};
 use super::facet::integrate;
-use super::mesh::{by_position, dot};
 use super::overlap::{Meeting, Side};
+use super::vectors::{by_position, dot};
 use super::{ContactRows, ElasticSystem, FemError, Foundation};
 use crate::tolerances::SAME;
 

@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use super::contact::{INWARD, frame, unit};
 use super::element::Reference;
 use super::facet::integrate_parts;
-use super::mesh::{by_position, dot, norm};
+use super::vectors::{by_position, dot, norm};
 use super::{ContactRows, ElasticSystem, FemError, Foundation};
 
 /// The space in which contact forces are sought (Haslinger, Kučera, Vlach 2008).

@@ -3,8 +3,9 @@
 use std::ops::Range;
 
 use super::assembly::{PRESCRIBED, pattern};
+use super::element_matrix::ElementMatrix;
 use super::springs::Coupled;
-use super::stiffness::{ElementMatrix, Elements};
+use super::stiffness::Elements;
 use super::{ElasticSystem, FemError};
 use crate::parallel;
 use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix, Symmetric};

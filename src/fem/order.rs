@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::mesh::{key, mean};
+use super::vectors::{key, mean};
 use super::{CellKind, FemError, Mesh};
 
 /// The node in the middle of an edge or a face, by its corners in increasing order.

@@ -2,7 +2,7 @@
 
 use super::Mesh;
 use super::element::{MAX_FACET, Reference};
-use super::mesh::{cross, difference, dot, mean, norm};
+use super::vectors::{cross, difference, dot, mean, norm};
 use crate::tolerances::SAME;
 
 /// Newton steps, and their tolerance in reference coordinates, for the inverse of a bilinear map; convex facets need few.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::mesh::{key, mean};
+use super::vectors::{key, mean};
 use super::{CellKind, FemError, Mesh};
 
 impl Mesh {
@@ -141,7 +141,7 @@ impl Refiner {
     }
 
     fn volume(&self, n: &[usize]) -> f64 {
-        use super::mesh::{cross, difference, dot};
+        use super::vectors::{cross, difference, dot};
         let p = |a: usize| difference(self.points[n[a]], self.points[n[0]]);
         dot(cross(p(1), p(2)), p(3))
     }

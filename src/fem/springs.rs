@@ -1,9 +1,9 @@
 //! Springs at nodes and elastic foundations below facets: further elements of a body, beside its cells.
 
 use super::elasticity::Elasticity;
+use super::element_matrix::ElementMatrix;
 use super::facet::integrate_with_normals;
-use super::mesh::norm;
-use super::stiffness::ElementMatrix;
+use super::vectors::norm;
 use super::{FemError, Mesh};
 
 /// A linear spring, of a node to the ground or between two nodes: it opposes displacements along fixed directions, in the unit of force per

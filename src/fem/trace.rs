@@ -1,8 +1,8 @@
 use super::assembly::{PRESCRIBED, pattern};
 use super::element::Jacobian;
 use super::facet::{integrate, integrate_parts};
-use super::mesh::by_position;
 use super::springs::Coupled;
+use super::vectors::by_position;
 use super::{FemError, Mesh};
 use crate::sparse::Matrix;
 

@@ -20,6 +20,7 @@ mod error;
 mod essential;
 mod exact_pieces;
 pub(crate) mod expansion;
+mod expansions;
 mod extensions;
 #[cfg(feature = "autodiff")]
 mod formula;
@@ -38,6 +39,7 @@ mod regularity;
 mod regularity_report;
 mod scaled;
 mod selection;
+mod selections;
 mod semismooth;
 mod semismooth_regularity;
 #[cfg(feature = "autodiff")]
@@ -58,7 +60,7 @@ pub(crate) use error::{carries_maps, check_selection};
 pub(crate) use essential::open_cone;
 pub use essential::{Activity, essential_activity};
 pub use exact_pieces::{ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite};
-pub use expansion::Expansions;
+pub use expansions::Expansions;
 pub use extensions::{Derivatives, Description, PiecewiseSmoothExt, Structure};
 #[cfg(feature = "autodiff")]
 pub use formula::{Expression, Formula, FormulaError};
@@ -75,7 +77,8 @@ pub use regularity::{Regularity, bd_regularity, cd_regularity};
 pub use regularity_report::{RegularityOptions, RegularityReport};
 pub(crate) use regularity_report::{regularity_report, semismooth_report};
 pub(crate) use scaled::{Scaled, ScaledMap, check_sizes, is_ordinary};
-pub use selection::{Selection, Selections};
+pub use selection::Selection;
+pub use selections::Selections;
 pub use semismooth::Semismooth;
 pub use semismooth_regularity::{bd_regularity_semismooth, cd_regularity_semismooth};
 pub use uniqueness::{CertificateDoubt, LocalUniqueness, local_uniqueness, local_uniqueness_with};

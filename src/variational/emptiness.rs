@@ -1,8 +1,7 @@
 //! Whether rows of a polyhedron contradict each other, in exact arithmetic.
 
-use super::Polyhedron;
 use super::polyhedron::Rows;
-use super::projection::Multipliers;
+use super::{Multipliers, Polyhedron};
 use crate::exact::{self, Exact};
 use crate::judge::{Emptiness, slack};
 

@@ -1,7 +1,7 @@
 //! Constraints of one unknown as limits on it.
 
+use super::multipliers::Kind;
 use super::polyhedron::Rows;
-use super::projection::Kind;
 use super::{Multipliers, Polyhedron};
 
 /// A limit of one unknown: right-hand side over coefficient.

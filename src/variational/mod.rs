@@ -11,14 +11,16 @@
 
 mod emptiness;
 mod limits;
+mod multipliers;
 mod polyhedron;
 mod problem;
 mod projection;
 mod solutions;
 mod solver;
 
+pub use multipliers::Multipliers;
 pub use polyhedron::Polyhedron;
 pub use problem::Vi;
-pub use projection::{Infeasibility, Multipliers, Nearest, Projection};
+pub use projection::{Infeasibility, Nearest, Projection};
 pub use solutions::ViSolutions;
 pub use solver::{Ray, ViReport, ViSolver};

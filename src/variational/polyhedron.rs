@@ -1,4 +1,4 @@
-use super::projection::{Multipliers, Projection, project};
+use super::Multipliers;
 use crate::complementarity::ComplementarityError;
 use crate::input::{check_length, check_vector};
 use crate::sparse::Matrix;
@@ -181,19 +181,6 @@ impl Polyhedron {
         let bounds = (0..x.len()).map(|j| (self.lower[j] - x[j]).max(x[j] - self.upper[j]));
         let worst = |m: f64, v: f64| if v <= m { m } else { v };
         Ok(a.chain(e).chain(bounds).fold(0.0, worst))
-    }
-
-    /// The point of C nearest to x in the Euclidean norm, with its multipliers, or a certificate that C is empty, by the dual active-set
-    /// method of D. Goldfarb and A. Idnani (1983).
-    ///
-    /// # Complexity
-    /// O(n (m + k + n)) operations a change of the active set, of which there are rarely more than a few for each active constraint.
-    ///
-    /// # Errors
-    /// x of the wrong length or not finite; constraints that are linearly dependent up to rounding ([`ComplementarityError::Unresolved`]).
-    pub fn project(&self, x: &[f64]) -> Result<Projection, ComplementarityError> {
-        check_vector("x", x, self.dimension())?;
-        project(self, x)
     }
 
     /// The rows of A x ≤ b with b, then those of E x = d with d, each by its entries (column, value).

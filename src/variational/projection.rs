@@ -1,10 +1,12 @@
 //! Projection onto a polyhedron by the dual active-set method of D. Goldfarb and A. Idnani (1983) with the identity as Hessian.
 
-use super::Polyhedron;
 use super::emptiness::emptiness;
 use super::limits::{Limit, limits_of};
+use super::multipliers::Kind;
+use super::{Multipliers, Polyhedron};
 use crate::complementarity::ComplementarityError;
 use crate::exact::Exact;
+use crate::input::check_vector;
 use crate::judge::Emptiness;
 use crate::sparse::{dot, max_abs, norm};
 use crate::tolerances::{CHECKED, LEFT, RADIUS, ROUNDING};
@@ -35,21 +37,6 @@ pub struct Nearest {
     /// Whether C is empty as stored, by exact arithmetic, but not if its constants move by 2⁻⁵³ of themselves: the point is one of these
     /// sets.
     pub within_rounding: bool,
-}
-
-/// Multipliers of the constraints of a [`Polyhedron`].
-#[derive(Debug, Clone, PartialEq, Default)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Multipliers {
-    /// Of A x ≤ b: length m, ≥ 0.
-    pub inequalities: Vec<f64>,
-    /// Of E x = d: length k, of any sign.
-    pub equations: Vec<f64>,
-    /// Of x ≥ l: length n, ≥ 0.
-    pub lower: Vec<f64>,
-    /// Of x ≤ u: length n, ≥ 0.
-    pub upper: Vec<f64>,
 }
 
 /// A certificate after J. Farkas (1902): y, ρₗ, ρᵤ ≥ 0 with Aᵀy + Eᵀw − ρₗ + ρᵤ = 0 and bᵀy + dᵀw − lᵀρₗ + uᵀρᵤ < 0.
@@ -101,17 +88,6 @@ impl Infeasibility {
     }
 }
 
-/// A row as nᵀx ≥ β with ‖n‖ = 1.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Kind {
-    Equation(usize),
-    Inequality(usize),
-    Lower(usize),
-    Upper(usize),
-    /// Equal bounds.
-    Fixed(usize),
-}
-
 struct Solver<'a> {
     set: &'a Polyhedron,
     kinds: Vec<Kind>,
@@ -140,7 +116,22 @@ enum Added {
     Empty(Multipliers),
 }
 
-pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, ComplementarityError> {
+impl Polyhedron {
+    /// The point of C nearest to x in the Euclidean norm, with its multipliers, or a certificate that C is empty, by the dual active-set
+    /// method of D. Goldfarb and A. Idnani (1983).
+    ///
+    /// # Complexity
+    /// O(n (m + k + n)) operations a change of the active set, of which there are rarely more than a few for each active constraint.
+    ///
+    /// # Errors
+    /// x of the wrong length or not finite; constraints that are linearly dependent up to rounding ([`ComplementarityError::Unresolved`]).
+    pub fn project(&self, x: &[f64]) -> Result<Projection, ComplementarityError> {
+        check_vector("x", x, self.dimension())?;
+        project(self, x)
+    }
+}
+
+fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, ComplementarityError> {
     let mut solver = Solver::new(set, x);
     if let Some(empty) = solver.empty_rows().or_else(|| solver.empty_intervals()) {
         return Ok(Projection::Empty(empty));

@@ -1,6 +1,7 @@
 use std::ops::ControlFlow;
 
-use super::projection::{Infeasibility, Multipliers, Projection};
+use super::multipliers::Multipliers;
+use super::projection::{Infeasibility, Projection};
 use super::{Polyhedron, Vi};
 use crate::complementarity::{
     ComplementarityError, McpFunction, McpIteration, McpOptions, McpReport, McpSolver,

@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use super::{McpIteration, McpOptions, McpReport, McpStep, McpStrategy, Parts};
+use super::parts::Parts;
+use super::{McpIteration, McpOptions, McpReport, McpStep, McpStrategy};
 use crate::clock::Clock;
 use crate::complementarity::Lcp;
 use crate::complementarity::active_set::{ActiveSetIteration, ActiveSetOptions, ActiveSetSolver};

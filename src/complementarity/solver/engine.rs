@@ -2,9 +2,10 @@
 
 use std::ops::ControlFlow;
 
+use super::parts::Parts;
 use super::plan::Plan;
 use super::work::Work;
-use super::{McpIteration, McpOptions, McpReport, McpStep, McpStrategy, Parts};
+use super::{McpIteration, McpOptions, McpReport, McpStep, McpStrategy};
 use crate::clock::Clock;
 use crate::complementarity::McpFunction;
 use crate::complementarity::fischer::{Gap, component};

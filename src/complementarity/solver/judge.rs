@@ -202,7 +202,7 @@ impl Engine<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Parts;
+    use super::super::parts::Parts;
     use super::*;
     use crate::clock::Clock;
     use crate::complementarity::solver::work::Work;

@@ -8,10 +8,12 @@ mod judge;
 mod linearisation;
 mod options;
 mod outcome;
+mod parts;
 mod plan;
 mod report;
 mod steps;
 mod strategies;
+mod strategy;
 mod system;
 mod units;
 mod work;
@@ -21,7 +23,7 @@ use std::time::Duration;
 
 pub use options::McpOptions;
 pub use report::{BoundState, Fallback, McpIteration, McpReport, McpStep};
-pub use strategies::McpStrategy;
+pub use strategy::McpStrategy;
 
 use super::strong::strong;
 use super::{ComplementarityError, Mcp, McpFunction};
@@ -30,6 +32,7 @@ use crate::input::{check_length, check_vector};
 use crate::piecewise::{PiecewiseSmooth, RegularityOptions, regularity_report};
 use crate::sparse::Pattern;
 use engine::Engine;
+use parts::Parts;
 use units::Units;
 use work::Work;
 
@@ -291,27 +294,5 @@ impl McpSolver {
         let stray = engine.work.lin.jac().stray();
         engine.finish(status, x);
         stray
-    }
-}
-
-/// A problem without its type parameter, so that the solver is compiled once for all problems.
-#[derive(Clone, Copy)]
-struct Parts<'a> {
-    function: &'a dyn McpFunction,
-    natural: &'a dyn PiecewiseSmooth,
-    pattern: &'a Pattern,
-    lower: &'a [f64],
-    upper: &'a [f64],
-}
-
-impl<'a> Parts<'a> {
-    fn of<F: McpFunction>(problem: &'a Mcp<F>) -> Self {
-        Self {
-            function: problem.function(),
-            natural: problem,
-            pattern: problem.jacobian_pattern(),
-            lower: problem.lower(),
-            upper: problem.upper(),
-        }
     }
 }

@@ -1,6 +1,6 @@
 use std::time::Duration;
 
-use super::{McpStrategy, strategies};
+use super::McpStrategy;
 use crate::InputError;
 use crate::input::{any, check_options, not_negative, positive};
 use crate::options::setters;
@@ -82,7 +82,7 @@ impl Default for McpOptions {
             max_time: None,
             stay_inside: true,
             equilibrate: true,
-            strategies: strategies::all(),
+            strategies: McpStrategy::ALL.to_vec(),
             fallbacks: true,
             max_path_size: 300,
             max_path_points: 1500,

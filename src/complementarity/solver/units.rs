@@ -1,7 +1,8 @@
 //! Affine problems are solved in units in which neither their coefficients nor their solutions are large or small: a run is the same to
 //! the last bit in all units of F and of x that differ by powers of two.
 
-use super::{McpReport, Parts};
+use super::McpReport;
+use super::parts::Parts;
 use crate::complementarity::InUnits;
 use crate::complementarity::McpFunction;
 use crate::complementarity::problem::natural;

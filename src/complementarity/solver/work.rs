@@ -1,7 +1,6 @@
 use super::descent::Descent;
 use super::equations::Equations;
 use super::linearisation::Linearisation;
-use super::strategies;
 use super::system::System;
 use super::units::Units;
 use crate::complementarity::ComplementarityError;
@@ -27,7 +26,8 @@ pub(super) struct Work {
     pub(super) units: Units,
     pub(super) seen: Seen,
     pub(super) descent: Descent,
-    pub(super) own: strategies::Own,
+    /// Active sets that the first strategy has met so far.
+    pub(super) visited: Vec<u64>,
 }
 
 /// A point and F there.
@@ -78,7 +78,7 @@ impl Work {
                 pieces: vec![0; n],
             },
             descent: Descent::new(n),
-            own: strategies::Own::default(),
+            visited: Vec::new(),
         })
     }
 

@@ -12,53 +12,12 @@ mod restart;
 mod smoothing;
 
 use super::engine::Engine;
-use super::{BoundState, Fallback};
+use super::{BoundState, Fallback, McpStrategy};
 use crate::run::Status;
-use crate::words::named;
-
-/// The strategies of the solver, tried in this order unless [`McpOptions::strategies`](super::McpOptions::strategies) says otherwise.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum McpStrategy {
-    /// Active-set Newton steps of the natural map, globalised by the Fischer–Burmeister merit function.
-    Newton,
-    /// Newton steps of the penalised Fischer–Burmeister function, without equilibration.
-    FischerBurmeister,
-    /// Proximal points: F(x) + ε (x − x_k), ε → 0.
-    Proximal,
-    /// Linearised problems solved along piecewise linear paths (Josephy 1979; Ralph 1994).
-    JosephyNewton,
-    /// A path from the start to a solution, t F(x) + (1 − t)(x − x⁰), through folds.
-    Homotopy,
-    /// Small affine problems: a pruned search of all active sets.
-    Enumeration,
-    /// Newton's method for smoothed equations (Chen and Harker 1993; Kanzow 1996; Smale 1987).
-    Smoothing,
-    /// The first two and paths from perturbed starts.
-    Restart,
-}
-
-impl McpStrategy {
-    /// The strategy in words.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        TABLE.iter().find(|s| s.is == self).map_or("", |s| s.name)
-    }
-}
-
-named!(McpStrategy, "strategy for an MCP", all());
-
-/// What strategies keep from one solve to the next, so that it is allocated once.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Own {
-    newton: newton::Own,
-}
 
 /// A line of the table.
 struct Strategy {
     is: McpStrategy,
-    name: &'static str,
     /// Whether the strategy applies to the problem.
     suits: fn(&Engine<'_>) -> bool,
     run: Run,
@@ -72,10 +31,9 @@ enum Run {
 }
 
 impl Strategy {
-    const fn attempt(is: McpStrategy, name: &'static str, run: fn(&mut Engine<'_>) -> Status) -> Self {
+    const fn attempt(is: McpStrategy, run: fn(&mut Engine<'_>) -> Status) -> Self {
         Self {
             is,
-            name,
             suits: |_| true,
             run: Run::Attempt(run),
         }
@@ -86,33 +44,22 @@ impl Strategy {
     }
 }
 
-/// All strategies, in the order in which they are tried unless the options say otherwise.
+/// How each strategy is run, and when.
 static TABLE: &[Strategy] = &[
-    Strategy::attempt(McpStrategy::Newton, "Newton", |e| e.newton()),
-    Strategy::attempt(McpStrategy::FischerBurmeister, "Fischer-Burmeister", |e| {
-        e.fischer()
-    }),
-    Strategy::attempt(McpStrategy::Proximal, "proximal", |e| e.proximal_points()),
-    Strategy::attempt(McpStrategy::JosephyNewton, "Josephy-Newton", |e| e.josephy())
-        .only_if(|e| e.has_affine_paths()),
-    Strategy::attempt(McpStrategy::Homotopy, "homotopy", |e| e.homotopy()).only_if(|e| e.has_paths()),
-    Strategy::attempt(McpStrategy::Enumeration, "enumeration", |e| {
-        e.enumerate(e.options.max_nodes)
-    })
-    .only_if(|e| e.is_enumerable()),
-    Strategy::attempt(McpStrategy::Smoothing, "smoothing", |e| e.smoothing()),
+    Strategy::attempt(McpStrategy::Newton, |e| e.newton()),
+    Strategy::attempt(McpStrategy::FischerBurmeister, |e| e.fischer()),
+    Strategy::attempt(McpStrategy::Proximal, |e| e.proximal_points()),
+    Strategy::attempt(McpStrategy::JosephyNewton, |e| e.josephy()).only_if(|e| e.has_affine_paths()),
+    Strategy::attempt(McpStrategy::Homotopy, |e| e.homotopy()).only_if(|e| e.has_paths()),
+    Strategy::attempt(McpStrategy::Enumeration, |e| e.enumerate(e.options.max_nodes))
+        .only_if(|e| e.is_enumerable()),
+    Strategy::attempt(McpStrategy::Smoothing, |e| e.smoothing()),
     Strategy {
         is: McpStrategy::Restart,
-        name: "restart",
         suits: |_| true,
         run: Run::Attempts(|e| e.restarts()),
     },
 ];
-
-/// The strategies in the order of the table.
-pub(super) fn all() -> Vec<McpStrategy> {
-    TABLE.iter().map(|s| s.is).collect()
-}
 
 /// By how much piecewise linear paths of affine problems may be larger than others.
 const AFFINE: usize = 4;

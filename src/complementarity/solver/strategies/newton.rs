@@ -5,13 +5,6 @@ use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::Plan;
 use crate::run::Status;
 
-/// What the strategy keeps from one solve to the next.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Own {
-    /// The active sets met so far.
-    visited: Vec<u64>,
-}
-
 impl Engine<'_> {
     pub(super) fn newton(&mut self) -> Status {
         let plan = Plan::newton(self.options.max_attempt);
@@ -28,7 +21,7 @@ impl Engine<'_> {
     /// Full steps of the natural map for affine F, where each active set has one step: ends at a solution, or where a set recurs.
     pub(super) fn affine_newton(&mut self, plan: &Plan) -> Status {
         let limit = (50 + self.n() / 2).min(plan.max_iterations);
-        self.work.own.newton.visited.clear();
+        self.work.visited.clear();
         if !self.evaluate() || !self.jacobian() {
             return Status::EvaluationFailure {
                 component: self.bad_component.unwrap_or(0),
@@ -66,10 +59,10 @@ impl Engine<'_> {
                 continue;
             }
             let mark = hash(&self.work.system.active);
-            if k == limit || self.work.own.newton.visited.contains(&mark) {
+            if k == limit || self.work.visited.contains(&mark) {
                 break;
             }
-            self.work.own.newton.visited.push(mark);
+            self.work.visited.push(mark);
             if !self.natural_step() {
                 break;
             }
