@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
-use super::balance::{free_motion, largest, random_start};
 use super::displacements::floating_piece;
+use super::zero_energy::{free_motion, largest, random_start};
 use super::{ContactError, check_multipliers};
 use crate::InputError;
 use crate::clock::Until;

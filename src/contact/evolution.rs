@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use super::body_state::BodyState;
 use super::law::NodeLaw;
-use super::rounding::SOLVED;
+use super::tolerances::SOLVED;
 use super::{Contact, ContactError, ContactOptions, ContactProgress, ContactSolution};
 use crate::InputError;
 use crate::continuation::{

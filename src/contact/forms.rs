@@ -11,9 +11,6 @@ const LARGE_SOLID: usize = 6_000;
 /// The same in the plane, where factors stay sparse and time grows alike: the size whose factors fill 16 GB.
 const LARGE_PLANE: usize = 3_000_000;
 
-/// Largest number of pressures and tractions with which the condensed form, whose matrices are dense, is tried.
-pub(super) const CONDENSED: usize = 10_000;
-
 /// The unknowns in which a contact problem is solved. Solutions are the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[non_exhaustive]

@@ -24,11 +24,14 @@ mod multipliers;
 mod parameters;
 mod per_node;
 mod problem;
+mod residuals;
 mod rounding;
 mod search;
 mod sensitivity;
 mod solution;
 mod theory;
+mod tolerances;
+mod zero_energy;
 
 pub use crate::interface::{LoadCase, LoadPath};
 pub use body::ContactBody;
@@ -57,9 +60,10 @@ pub use multipliers::{check_multipliers, inf_sup_constant};
 pub use parameters::ContactParameters;
 pub use per_node::PerNode;
 pub use problem::{CondensedContact, Contact, FullContact};
+pub use residuals::ContactResiduals;
 pub use search::{ContactAttempt, ContactOptions, ContactProgress, ContactReport, ContactStrategy};
 pub use sensitivity::{ContactChange, ContactSensitivity};
-pub use solution::{ContactEnergy, ContactResiduals, ContactSolution};
+pub use solution::{ContactEnergy, ContactSolution};
 pub use theory::{
     FixedPointBound, FixedPointOptions, FixedPointReport, HildRenard, HildRenardBranch, HildRenardCase,
     UniquenessConstants, critical_friction, fixed_point, fixed_point_observed, friction_bounds,

@@ -3,12 +3,9 @@ use std::sync::{Arc, OnceLock};
 
 use super::ContactBody;
 use super::law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
+use super::tolerances::RELATIVE_R;
 use crate::piecewise::{Derivatives, Description, ExactPieces, Facet, PiecewiseSmooth, Selection, Structure};
 use crate::sparse::{Matrix, Pattern};
-
-/// The augmentation parameter relative to the stiffness of a single contact node with all other nodes fixed: on meshes a node is about four
-/// times as compliant, as its neighbours move with it.
-pub(super) const RELATIVE_R: f64 = 0.25;
 
 /// A [`NodeLaw`] at each contact node of a body, as the law of an [`Interface`](crate::interface::Interface): a map of z = (v, λ, α) with
 /// v and λ ordered by direction (all normal ones first), then by node. Its sites are the contact nodes.

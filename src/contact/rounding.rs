@@ -4,16 +4,10 @@ use super::body_state::{BodyState, offsets};
 use super::law::{LocalValues, NodeLaw};
 use super::problem::Contact;
 use super::solution::judge;
+use super::tolerances::BLURRED;
 use crate::interface::View;
 use crate::sparse::{Matrix, max_abs};
 use crate::tolerances::ROUNDING;
-
-/// Largest residual of a solution relative to the largest force, the default of [`ReducedOptions`](super::ReducedOptions).
-pub(super) const SOLVED: f64 = 1e-10;
-
-/// Part of the terms that cancel in a force below which their rounding is more than [`SOLVED`] of it: a body that its supports have moved up
-/// to its foundation has no other forces.
-pub(super) const BLURRED: f64 = ROUNDING / SOLVED;
 
 /// Whether every entry is no more than the rounding of its terms.
 pub(super) fn is_rounding_of(sums: &[f64], terms: &[f64]) -> bool {

@@ -4,8 +4,10 @@ use std::fmt;
 
 use super::ContactState;
 use super::law::{LocalValues, MAX_TESTS, NodeLaw};
-use super::rounding::{BLURRED, SOLVED, size_of_forces};
-use crate::words::{Count, Size};
+use super::residuals::{ContactResiduals, StateCounts};
+use super::rounding::size_of_forces;
+use super::tolerances::{BLURRED, SOLVED};
+use crate::words::Count;
 
 /// A solution of a contact problem, node by node: the same type for the full form, the condensed form, the fixed point and the Delassus
 /// form.
@@ -51,39 +53,6 @@ impl fmt::Display for ContactSolution {
     }
 }
 
-/// Numbers of open, sticking and slipping nodes.
-pub(super) struct StateCounts(pub(super) [usize; 3]);
-
-impl fmt::Display for StateCounts {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} open, {}", self.0[0], self.closed())
-    }
-}
-
-impl StateCounts {
-    /// Those in contact, in words.
-    fn closed(&self) -> String {
-        let [_, stick, slip] = self.0;
-        format!(
-            "{}, {}",
-            Count(stick, "sticks", "stick"),
-            Count(slip, "slips", "slip")
-        )
-    }
-}
-
-impl fmt::Display for ContactResiduals {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "residuals {} of equilibrium, {} of the normal law, {} of friction",
-            Size(self.equilibrium),
-            Size(self.normal),
-            Size(self.tangential)
-        )
-    }
-}
-
 /// Energies of a solution, in force times length. They balance: 2 `stored` = `load` − `normal` − `friction`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
@@ -108,30 +77,6 @@ impl ContactEnergy {
     #[must_use]
     pub fn imbalance(&self) -> f64 {
         2.0 * self.stored - self.load + self.normal + self.friction
-    }
-}
-
-/// Largest residuals of the three blocks of equations, each against the largest force in it: free of units.
-///
-/// Where all forces are small differences of terms that cancel (load cases that balance each other; displacements equal to the gap), 1.4e-4
-/// of these terms count in their place: smaller forces consist of rounding errors to more than 1e-10.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct ContactResiduals {
-    /// Of A u + Bᵀ λ = f. Zero where displacements are computed from the forces (condensed and Delassus form).
-    pub equilibrium: f64,
-    /// Of λν = (λν + r (u_ν − gap))₊.
-    pub normal: f64,
-    /// Of the law of friction.
-    pub tangential: f64,
-}
-
-impl ContactResiduals {
-    /// The largest of the three.
-    #[must_use]
-    pub fn largest(&self) -> f64 {
-        self.equilibrium.max(self.normal).max(self.tangential)
     }
 }
 

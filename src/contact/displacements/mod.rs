@@ -15,9 +15,9 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::body_state::BodyState;
-use super::per_node::RELATIVE_R;
 use super::rounding::is_rounding_of;
 use super::solution::judge;
+use super::tolerances::{CONDENSED, RELATIVE_R};
 use super::{
     CondensedContact, ContactError, ContactOptions, ContactProgress, ContactSolution, ContactStrategy,
     NodeLaw, check_law,
@@ -27,7 +27,6 @@ use crate::input::{check_finite, check_vector};
 use crate::linear::LinearError;
 use crate::run::Status;
 
-use crate::contact::forms::CONDENSED;
 pub use body::ReducedBody;
 pub use derivative::ReducedSensitivity;
 pub use evolution::ReducedLevel;

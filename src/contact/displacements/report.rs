@@ -1,7 +1,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use crate::contact::solution::StateCounts;
+use crate::contact::residuals::StateCounts;
 use crate::contact::{ContactResiduals, ContactStrategy};
 use crate::run::Status;
 use crate::words::Count;

@@ -1,5 +1,6 @@
 //! The search for a solution at fixed parameter.
 
+mod attempts;
 mod lowering;
 mod options;
 mod reduced;
@@ -8,6 +9,6 @@ mod springs;
 mod strategy;
 mod tries;
 
+pub use attempts::{ContactAttempt, ContactProgress, ContactReport, ContactStrategy};
 pub use options::ContactOptions;
 pub(super) use reduced::ReducedNewton;
-pub use strategy::{ContactAttempt, ContactProgress, ContactReport, ContactStrategy};

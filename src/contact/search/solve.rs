@@ -6,8 +6,8 @@ use super::lowering::lower;
 use super::reduced::ReducedNewton;
 use super::strategy;
 use super::tries::{Observer, newton_step};
-use crate::contact::forms::CONDENSED;
 use crate::contact::law::{LocalValues, NodeLaw};
+use crate::contact::tolerances::CONDENSED;
 use crate::contact::{
     CondensedContact, Contact, ContactError, ContactOptions, ContactProgress, ContactReport, ContactState,
 };
