@@ -5,7 +5,7 @@ use super::element::{CellKind, Reference};
 use super::order::completed;
 use super::place::area_in_space;
 use super::tokens::shorten;
-use super::vectors::{cross, difference, dot, key, mean, norm};
+use super::vectors::{cross, difference, key, mean, norm};
 use crate::words::LISTED;
 
 /// Facets by name of their group, each as its nodes.

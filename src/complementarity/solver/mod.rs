@@ -29,8 +29,8 @@ use super::strong::strong;
 use super::{ComplementarityError, Mcp, McpFunction};
 use crate::clock::Clock;
 use crate::input::{check_length, check_vector};
-use crate::piecewise::{PiecewiseSmooth, RegularityOptions, regularity_report};
-use crate::sparse::Pattern;
+use crate::piecewise::{RegularityOptions, regularity_report};
+
 use engine::Engine;
 use parts::Parts;
 use units::Units;

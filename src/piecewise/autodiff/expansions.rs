@@ -3,7 +3,8 @@
 use super::interval::{Interval, without_branches};
 use super::series::{Coefficient, Series};
 use super::{NonsmoothFunction, Traced};
-use crate::piecewise::expansion::{Expansions, TERMS};
+use crate::piecewise::Expansions;
+use crate::piecewise::expansion::TERMS;
 use crate::piecewise::{PiecewiseSmooth, Selection};
 
 pub(super) struct Expanded<'a, F>(pub(super) &'a Traced<F>);
