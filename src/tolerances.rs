@@ -56,6 +56,13 @@ pub(crate) const RADIUS: f64 = 1e12;
 /// same for α, along which curves are then vertical.
 pub(crate) const TANGENTIAL: f64 = 1e-9;
 
+/// Difference of two unit directions below which they may be one, and component of one below which it has no sign: they are found at points
+/// known to half of the digits.
+pub(crate) const DIRECTION: f64 = 1e-7;
+
+/// Factor from the largest effect of a few random roundings to a bound of all.
+pub(crate) const ALLOWANCE: f64 = 8.0;
+
 /// Step of central differences in a variable of size one: the cube root of the rounding unit balances truncation and rounding.
 pub(crate) const CENTRAL: f64 = 6.055e-6;
 
@@ -74,8 +81,14 @@ pub(crate) const SELECTIONS: u64 = 256;
 /// Halvings of an interval after which its ends are neighbouring numbers, and other steps that bracket.
 pub(crate) const HALVINGS: usize = 60;
 
+/// Steps of an iteration that takes some dozens where it converges: a limit so that it ends.
+pub(crate) const STEPS: usize = 100;
+
 /// Steps after which it is left undecided whether the interiors of cones have a common point.
 pub(crate) const INTERIOR_STEPS: usize = 20_000;
+
+/// Rows, columns or nodes that files and meshes may have at most.
+pub(crate) const MAX_DIMENSION: usize = 1 << 31;
 
 /// Numbers that fill a gigabyte: tables and lists of searches are refused, or end, in multiples of it (`src/guide/limits.md`).
 pub(crate) const GIGABYTE: usize = 1 << 27;

@@ -9,10 +9,9 @@ use crate::complementarity::ComplementarityError;
 use crate::linear::{Cholesky, LinearSolver};
 use crate::run::Status;
 use crate::sparse::{Matrix, Pattern, max_abs};
-use crate::tolerances::RESULT;
+use crate::tolerances::{RESULT, STEPS};
 
-/// Most steps; a step is short below SHORT, and the iteration ends after so many short ones in a row.
-const STEPS: usize = 100;
+/// A step is short below this length, and the iteration ends after so many short ones in a row.
 const SHORT: f64 = 0.02;
 const STUCK: usize = 5;
 

@@ -6,9 +6,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::InputError;
 use crate::complementarity::ComplementarityError;
-use crate::linear::SWEEPS;
 use crate::sparse::max_abs;
-use crate::tolerances::SUM;
+use crate::tolerances::{STEPS, SUM};
 
 /// Part of the largest eigenvalue of a root below which one is lost in the rounding of squares.
 const SEPARATE: f64 = 1e-4;
@@ -100,7 +99,7 @@ fn eigen(mut m: DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let half = (0.5 * largest.log2()).round();
     let (down, up) = ((-half).exp2(), half.exp2());
     m.iter_mut().for_each(|v| *v = *v * down * down);
-    let sweeps = SWEEPS * m.nrows();
+    let sweeps = STEPS * m.nrows();
     let found = m.try_symmetric_eigen(f64::EPSILON, sweeps)?;
     let values = found.eigenvalues.map(|v| v * up * up);
     let finite = |m: &[f64]| m.iter().all(|v| v.is_finite());
@@ -341,7 +340,7 @@ impl MatrixScaling {
         if !product.iter().all(|v| v.is_finite()) {
             return false;
         }
-        let Some(svd) = product.try_svd_unordered(true, true, f64::EPSILON, SWEEPS * order) else {
+        let Some(svd) = product.try_svd_unordered(true, true, f64::EPSILON, STEPS * order) else {
             return false;
         };
         let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {

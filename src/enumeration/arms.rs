@@ -20,8 +20,6 @@ use crate::piecewise::{
 use crate::sparse::norm;
 use crate::tolerances::{GIGABYTE, TANGENTIAL};
 
-/// Two unit tangents closer than this are one arm.
-const SAME: f64 = 1e-7;
 /// Selections examined one by one where the table of the search would not fit.
 const LARGE: u64 = 4096;
 /// Selections listed between two checks of the time limit.

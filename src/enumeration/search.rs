@@ -9,9 +9,9 @@ mod contradiction;
 use super::certificate::{Basis, Certificates};
 use super::hull;
 use super::system::System;
-use super::table::{Contradiction, Form, Place, Sign, Table, VAGUE, VOID};
+use super::table::{Contradiction, Form, Place, Sign, Table, VAGUE};
 use crate::clock::Deadline;
-use crate::tolerances::GIGABYTE;
+use crate::tolerances::{GIGABYTE, HALF_DIGITS};
 
 /// Sites compared before branching. Comparing all gives the smallest trees and, by measurement, not the shortest times.
 const PROBES: usize = 3;
@@ -453,7 +453,7 @@ impl<'a> SelectionSearch<'a> {
             verdict = steps(table);
         }
         verdict.or_else(|c| {
-            if table.error(c.var) <= VOID {
+            if table.error(c.var) <= HALF_DIGITS {
                 Err(c)
             } else {
                 Ok(())

@@ -8,8 +8,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::system::{Site, System, scale_form};
 use super::table::Form;
-use crate::linear::{ACCURACY, NEGLIGIBLE, SWEEPS};
-use crate::tolerances::HALF_DIGITS;
+use crate::linear::{ACCURACY, NEGLIGIBLE};
+use crate::tolerances::{HALF_DIGITS, STEPS};
 
 impl System {
     /// For homogeneous forms: separates the equalities that all pieces of a site imply, as forms of their own, from those that remain for
@@ -164,7 +164,7 @@ impl Space {
             return out;
         }
         // The principal vectors (Björck, Golub 1973); angles from their remainders, as cosines near 1 are inaccurate.
-        let sweeps = SWEEPS * products.nrows().max(products.ncols());
+        let sweeps = STEPS * products.nrows().max(products.ncols());
         let svd = products.try_svd_unordered(true, false, ACCURACY, sweeps);
         let Some(u) = svd
             .and_then(|svd| svd.u)

@@ -3,6 +3,7 @@
 mod pivots;
 
 use crate::clock::Deadline;
+use crate::tolerances::HALF_DIGITS;
 
 /// Coefficients below this multiple of their error bound count as zero.
 const SAFETY: f64 = 64.0;
@@ -13,8 +14,6 @@ const CLEAR: f64 = 1e-9;
 
 /// Error bound of a coefficient, in scaled units, beyond which a table is recomputed from its root.
 pub(super) const VAGUE: f64 = 1e-11;
-/// Error bound of a coefficient beyond which a row is not used as evidence.
-pub(super) const VOID: f64 = 1e-8;
 
 /// What is known of the sign of a form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -437,7 +436,7 @@ impl Table {
                 return false;
             }
             let Some((c, way)) = self.ascending(r, side) else {
-                return self.error[r] <= VOID;
+                return self.error[r] <= HALF_DIGITS;
             };
             match self.leaving(c, way, r) {
                 Some(leaving) => self.exchange(leaving, c),

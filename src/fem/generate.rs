@@ -1,9 +1,8 @@
 //! Structured meshes.
 
 use super::{CellKind, FemError, Mesh};
+use crate::tolerances::MAX_DIMENSION;
 
-/// Largest number of nodes of a structured mesh.
-const MAX_NODES: usize = 1 << 31;
 /// Peak memory per node while a mesh is built, in bytes: measured for hexahedra.
 const PEAK: usize = 420;
 
@@ -208,7 +207,7 @@ fn check_numbers(n: &[usize]) -> Result<(), FemError> {
         .iter()
         .try_fold(1_usize, |all, n| all.checked_mul(n.checked_add(1)?));
     match nodes {
-        Some(nodes) if nodes <= MAX_NODES && fits(nodes) => Ok(()),
+        Some(nodes) if nodes <= MAX_DIMENSION && fits(nodes) => Ok(()),
         _ => Err(FemError::TooLarge { cells: n.to_vec() }),
     }
 }

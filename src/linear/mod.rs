@@ -64,7 +64,7 @@ pub(crate) use row_updates::{RowSource, RowUpdates};
 pub(crate) use scaling::Scaling;
 pub(crate) use small_lu::SmallLu;
 pub use sparse_lu::SparseLu;
-pub(crate) use spectral::{ACCURACY, NEGLIGIBLE, SWEEPS};
+pub(crate) use spectral::{ACCURACY, NEGLIGIBLE};
 
 use crate::sparse::{MatrixRef, PatternRef};
 

@@ -7,9 +7,7 @@ use super::LinearError;
 use super::memory::{check_finite, dense_zeros};
 use crate::sparse::Matrix;
 use crate::spread::golden;
-
-/// Most sweeps of an iteration for each row of the matrix; convergence takes a handful.
-pub(crate) const SWEEPS: usize = 100;
+use crate::tolerances::STEPS;
 
 /// Entries below this part of the largest one are zero: their squares underflow.
 pub(crate) const NEGLIGIBLE: f64 = 1e-140;
@@ -56,7 +54,8 @@ fn failed(what: &str) -> LinearError {
 /// Singular values in no order and the rows of Vᵀ that belong to them.
 pub(super) fn singular_values(m: DMatrix<f64>) -> Result<(Vec<f64>, DMatrix<f64>), LinearError> {
     let what = "singular values";
-    let sweeps = SWEEPS * m.ncols();
+    // A handful of sweeps a row suffices, as below.
+    let sweeps = STEPS * m.ncols();
     let svd = m
         .try_svd_unordered(false, true, ACCURACY, sweeps)
         .ok_or_else(|| failed(what))?;
@@ -69,7 +68,7 @@ pub(super) fn singular_values(m: DMatrix<f64>) -> Result<(Vec<f64>, DMatrix<f64>
 
 /// Eigenvalues of a symmetric matrix, whose lower triangle is read, in no order.
 pub(super) fn symmetric(m: DMatrix<f64>) -> Result<Vec<f64>, LinearError> {
-    let sweeps = SWEEPS * m.nrows();
+    let sweeps = STEPS * m.nrows();
     if m.nrows() == 0 {
         return Ok(Vec::new());
     }
@@ -82,7 +81,7 @@ pub(super) fn symmetric(m: DMatrix<f64>) -> Result<Vec<f64>, LinearError> {
 
 /// Eigenvalues of a square matrix (real part, imaginary part), in no order.
 pub(super) fn any(m: DMatrix<f64>) -> Result<Vec<(f64, f64)>, LinearError> {
-    let sweeps = SWEEPS * m.nrows();
+    let sweeps = STEPS * m.nrows();
     if m.nrows() == 0 {
         return Ok(Vec::new());
     }

@@ -1,13 +1,13 @@
 //! The implicit function of a piecewise-smooth map and its parameter.
 
 use super::determinants::Examined;
-use super::orientation::{CLEAR, Cones, examine};
+use super::orientation::{Cones, examine};
 use super::uniqueness::verdict;
 use super::{ActiveSet, LocalUniqueness, PiecewiseError, PiecewiseSmooth, Selection, active_set};
 use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
-use crate::tolerances::DOUBTFUL;
+use crate::tolerances::{DIRECTION, DOUBTFUL};
 use std::fmt;
 
 /// What is known of the solutions y(α) of H(y, α) = 0 near a point.
@@ -103,7 +103,7 @@ fn implicit_function_of(
     let mut jac = Matrix::zeros(map.pattern());
     let mut constant = 0.0_f64;
     // For both directions of α: the selection into whose cell the rate points most.
-    let mut best: [(f64, Option<Vec<f64>>); 2] = [(-CLEAR, None), (-CLEAR, None)];
+    let mut best: [(f64, Option<Vec<f64>>); 2] = [(-DIRECTION, None), (-DIRECTION, None)];
     let signs = examine(&cones, &active, cap, (DOUBTFUL, false), &mut |found| {
         let selection = found.selection;
         let Some(rate) = rate_of(map, x, &mut jac, found)? else {

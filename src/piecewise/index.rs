@@ -1,12 +1,12 @@
 use super::determinants::{Determinant, Determinants};
-use super::orientation::{CLEAR, Cell, Cones, Side, Target};
+use super::orientation::{Cell, Cones, Side, Target};
 use super::regularity::square;
 use super::uniqueness::TRIES;
 use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, active_set};
 use crate::input::check_vector;
 use crate::linear::null_space;
 use crate::sparse::Matrix;
-use crate::tolerances::{DENSE, DOUBTFUL, SAME};
+use crate::tolerances::{DENSE, DIRECTION, DOUBTFUL, SAME};
 
 /// Directions with one image, with the signs of their selections.
 type Preimages = Vec<(Vec<f64>, i8)>;
@@ -123,6 +123,6 @@ fn has_zero(cones: &Cones<'_>, selection: &Selection, jac: &Matrix) -> Result<bo
         return Ok(true);
     };
     let opposite: Vec<f64> = v.iter().map(|v| -v).collect();
-    let clear = |d: &[f64]| cones.margin(selection, d) < -CLEAR;
+    let clear = |d: &[f64]| cones.margin(selection, d) < -DIRECTION;
     Ok(!(clear(v) && clear(&opposite)))
 }

@@ -10,13 +10,10 @@ use super::{
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
 use crate::spread::Random;
-use crate::tolerances::{HALF_DIGITS, INTERIOR_STEPS};
+use crate::tolerances::{DIRECTION, HALF_DIGITS, INTERIOR_STEPS};
 
 /// Distances, in units of the variables, at which test functions that may be identical are compared.
 const AROUND: [f64; 4] = [0.3, 0.1, 1e-2, 1e-3];
-
-/// Margin of a unit direction beyond which it certainly lies inside or outside of a cell.
-pub(super) const CLEAR: f64 = 1e-7;
 
 /// The cell of a selection near x, where only the variables that may move vary.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -256,7 +253,7 @@ impl<'a> Cones<'a> {
         }
         d.extend(&target.rates);
         let rounding = 16.0 * n as f64 * f64::EPSILON;
-        let clear = CLEAR.max(rounding / solver.rcond().unwrap_or(1.0));
+        let clear = DIRECTION.max(rounding / solver.rcond().unwrap_or(1.0));
         let margin = self.margin(found.selection, &d);
         Ok(if margin > clear {
             Side::Inside(d)
@@ -274,7 +271,7 @@ impl<'a> Cones<'a> {
             terms.map(|((v, w), s)| ((v - w) / s).powi(2)).sum()
         };
         let zero = vec![0.0; d.len()];
-        scaled(d, e) <= CLEAR * CLEAR * scaled(d, &zero)
+        scaled(d, e) <= DIRECTION * DIRECTION * scaled(d, &zero)
     }
 
     /// The image of a direction in general position under the B-derivative, a different one for every `number`; `None` where that
@@ -286,7 +283,7 @@ impl<'a> Cones<'a> {
         let moving = d.len();
         d.resize(m, 0.0);
         let selection = pointed_into(&self.map, &self.layout, active, self.x, &d);
-        let clear = self.margin(&selection, &d[..moving]) > CLEAR;
+        let clear = self.margin(&selection, &d[..moving]) > DIRECTION;
         if !clear {
             return None;
         }

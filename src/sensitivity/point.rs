@@ -10,19 +10,17 @@ use crate::piecewise::{
 };
 use crate::sparse::{Matrix, max_abs};
 use crate::spread::Random;
-use crate::tolerances::{HALF_DIGITS, MOVED, ROUNDING};
+use crate::tolerances::{ALLOWANCE, HALF_DIGITS, MOVED, ROUNDING};
 
 /// Steps of Newton's method that move the point given to the solution it is an approximation of.
 const STEPS: usize = 12;
-/// Random directions from which the rounding of test functions is found, and the factor to a bound.
+/// Random directions from which the rounding of test functions is found.
 const PROBES: usize = 6;
-const ALLOWANCE: f64 = 8.0;
 /// Parameters up to which the derivatives of selections are compared column by column; of more, along random
 /// combinations.
 const COLUMNS: usize = 64;
 const COMBINATIONS: u64 = 8;
-/// Multiples of the rounding of two rates up to which they agree, and from which they differ.
-const SAME: f64 = 8.0;
+/// Multiple of the rounding of two rates from which they differ; they agree up to ALLOWANCE times it.
 const OTHER: f64 = 1e4;
 
 /// How the derivatives −J_σ⁻¹ ∂_θH^σ of the active selections compare.
@@ -205,7 +203,7 @@ pub(super) fn compared(a: &(Vec<f64>, Vec<f64>), b: &(Vec<f64>, Vec<f64>)) -> Co
         if gap > OTHER * rounding {
             return Compared::Differ;
         }
-        unclear |= gap > SAME * rounding;
+        unclear |= gap > ALLOWANCE * rounding;
     }
     if unclear {
         Compared::Unclear

@@ -5,9 +5,7 @@ use std::path::Path;
 use super::{Matrix, Pattern};
 use crate::Cause;
 use crate::InputError;
-
-/// Largest number of rows or columns accepted in a file.
-const MAX_DIMENSION: usize = 1 << 31;
+use crate::tolerances::MAX_DIMENSION;
 
 /// The path in errors of text that is not read from a file.
 const NO_FILE: &str = "<text>";

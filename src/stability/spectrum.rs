@@ -4,12 +4,11 @@ use super::StabilityError;
 use crate::linear::eigenvalues;
 use crate::sparse::{Matrix, Pattern};
 use crate::spread::Random;
-use crate::tolerances::NONE;
+use crate::tolerances::{ALLOWANCE, NONE};
 use crate::words::Count;
 
-/// Matrices beside the given one whose eigenvalues tell what rounding hides, and the factor from the largest move of a real part to a bound.
+/// Matrices beside the given one whose eigenvalues tell what rounding hides.
 const PROBES: usize = 2;
-const ALLOWANCE: f64 = 8.0;
 
 /// Eigenvalues of a linearisation.
 #[derive(Debug, Clone, PartialEq)]

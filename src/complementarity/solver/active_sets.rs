@@ -9,14 +9,11 @@ use crate::complementarity::Lcp;
 use crate::complementarity::active_set::{ActiveSetIteration, ActiveSetOptions, ActiveSetSolver};
 use crate::run::Status;
 use crate::sparse::Matrix;
-use crate::tolerances::ROUNDING;
+use crate::tolerances::{ROUNDING, STEPS};
 
 /// Number of components from which active sets come first: below, full steps of the natural map, which are the same iteration, take less
 /// than a millisecond each, and the other strategies are within reach.
 const LARGE: usize = 300;
-
-/// Iterations after which active sets are given up: they need a dozen where they suit the problem, one a node of a path where not.
-const MOST: usize = 100;
 
 /// Whether a run from `x` begins with active sets.
 pub(super) fn come_first(problem: &Parts<'_>, options: &McpOptions) -> bool {
@@ -42,8 +39,9 @@ pub(super) fn start(
     let Ok(lcp) = Lcp::boxed(jac.clone(), constants.to_vec(), lower, upper) else {
         return;
     };
+    // Active sets need a dozen iterations where they suit the problem, one a node of a path where not.
     let own = ActiveSetOptions::default()
-        .with_max_iterations(MOST.min(options.max_iterations.max(1)))
+        .with_max_iterations(STEPS.min(options.max_iterations.max(1)))
         .with_tolerance(ROUNDING.min(options.tolerance));
     let mut z: Vec<f64> = { x.iter().zip(lcp.lower().iter().zip(lcp.upper())) }
         .map(|(x, (l, u))| x.max(*l).min(*u))

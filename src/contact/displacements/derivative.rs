@@ -20,7 +20,6 @@ use crate::tolerances::{MOVED, ROUNDING};
 const ALLOWANCE: f64 = 64.0;
 /// Largest relative residual of the linear systems; results are refused above ten times of it.
 const TOLERANCE: f64 = 1e-11;
-const LARGEST: f64 = 10.0 * TOLERANCE;
 
 /// A solution of the form in displacements as a function of [parameters](ContactParameters): made by [`ReducedContact::sensitivity`]. It
 /// borrows the problem, whose multigrid it uses: a product with the derivative is one linear solve, a gradient one with the transposed
@@ -435,7 +434,7 @@ impl ReducedSensitivity<'_> {
 
     fn accept(&mut self, outcome: KrylovReport) -> Result<(), LinearError> {
         self.iterations = outcome.iterations;
-        match outcome.residual <= LARGEST {
+        match outcome.residual <= 10.0 * TOLERANCE {
             true => Ok(()),
             false => Err(LinearError::Inaccurate {
                 residual: outcome.residual,

@@ -1,6 +1,6 @@
 //! Arms found selection by selection.
 
-use super::{Candidates, DirectionalArm, DirectionalArms, SAME};
+use super::{Candidates, DirectionalArm, DirectionalArms};
 use crate::enumeration::kernel::{MAX_KERNEL, solutions};
 use crate::enumeration::local::VanishingTests;
 use crate::enumeration::{Completeness, EnumerationError};
@@ -8,7 +8,7 @@ use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 use crate::sparse::norm;
-use crate::tolerances::TANGENTIAL;
+use crate::tolerances::{DIRECTION, TANGENTIAL};
 
 /// Computes and collects the arms of single selections.
 pub(super) struct Collector<'a> {
@@ -104,7 +104,7 @@ impl<'a> Collector<'a> {
     fn add(&mut self, selection: &Selection, tangent: Vec<f64>, sign: Option<i8>) {
         let same = |a: &&mut DirectionalArm| {
             let apart: Vec<f64> = a.tangent.iter().zip(&tangent).map(|(a, b)| a - b).collect();
-            norm(&apart) < SAME
+            norm(&apart) < DIRECTION
         };
         if let Some(known) = self.arms.iter_mut().find(same) {
             known.selections.push(selection.clone());

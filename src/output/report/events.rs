@@ -6,11 +6,8 @@ use super::page_of_curve::{View, described, parameter, shortened};
 use super::words::{number, of_kind, size};
 use crate::continuation::{Transition, TransitionKind, VertexKind};
 use crate::sparse::{distance, norm};
-use crate::tolerances::SIX_DIGITS;
+use crate::tolerances::{DIRECTION, SIX_DIGITS};
 use crate::words::Count;
-
-/// A component of a unit tangent below which it is not said in which direction it goes.
-const STANDS: f64 = 1e-7;
 
 /// An event of the curve.
 pub(super) struct Happening<'a> {
@@ -162,7 +159,7 @@ impl<'a> View<'a> {
         if let (None, Some(&unknown)) = (self.subject.contacts, self.drawn.first()) {
             let name = &self.subject.names[unknown];
             let (arrives, leaves) = (vertex.tangent_before[unknown], vertex.tangent[unknown]);
-            if arrives.abs().min(leaves.abs()) > STANDS {
+            if arrives.abs().min(leaves.abs()) > DIRECTION {
                 out.push_str(&match arrives * leaves > 0.0 {
                     true => format!(" {name} goes on in its direction: where {name} is prescribed in place of the load, there is no jump here."),
                     false => format!(" {name} turns back as well (snap-back): there is a jump here even where {name} is prescribed in place of the load."),
