@@ -5,7 +5,7 @@ use std::path::Path;
 use semismooth::contact::read_folder;
 use semismooth::continuation::{Branch, ContinuationOptions, Diagram, DiagramOptions, Direction};
 use semismooth::enumeration::EnumerationOptions;
-use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::piecewise::PiecewiseSmoothExt;
 
 use super::{folder, printed, refused, run_file_of, table};
 
