@@ -29,18 +29,20 @@ pub(crate) const SAME: f64 = 1e-9;
 /// The square root of rounding: half of the digits. Numbers whose squares decide are known no better.
 pub(crate) const HALF_DIGITS: f64 = 1e-8;
 
-/// Six digits: what inverse iteration, differences of derivatives and decimal files give, and to which problems are solved that only lead
-/// to others. Directions of which less is left beside others are dependent on them, and conditions below are examined.
+/// Six digits: what inverse iteration, differences of derivatives and decimal files give, and to which
+/// problems are solved that only lead to others. Directions of which less is left beside others are dependent
+/// on them, and conditions below are examined.
 pub(crate) const SIX_DIGITS: f64 = 1e-6;
 
-/// What is left of a vector, a column or a difference of unit size once all else was taken off: below this it is rounding of some hundreds
-/// of operations.
+/// What is left of a vector, a column or a difference of unit size once all else was taken off: below this it
+/// is rounding of some hundreds of operations.
 pub(crate) const LEFT: f64 = 1e-13;
 
 /// Part of its terms from which on a residual shows no cancellation: the terms vanish together.
 pub(crate) const UNCANCELLED: f64 = 1e-3;
 
-/// How far one more Newton step may move a solution that a user gives, relative to its size: solvers stop at 1e-8 or below.
+/// How far one more Newton step may move a solution that a user gives, relative to its size: solvers stop at
+/// 1e-8 or below.
 pub(crate) const MOVED: f64 = 1e-5;
 
 /// Relative accuracy of systems and problems within an outer iteration that corrects what they leave.
@@ -56,8 +58,8 @@ pub(crate) const RADIUS: f64 = 1e12;
 /// same for α, along which curves are then vertical.
 pub(crate) const TANGENTIAL: f64 = 1e-9;
 
-/// Difference of two unit directions below which they may be one, and component of one below which it has no sign: they are found at points
-/// known to half of the digits.
+/// Difference of two unit directions below which they may be one, and component of one below which it has no
+/// sign: they are found at points known to half of the digits.
 pub(crate) const DIRECTION: f64 = 1e-7;
 
 /// Factor from the largest effect of a few random roundings to a bound of all.

@@ -9,8 +9,8 @@ use crate::linear::{AutoSolver, Cholesky, Gmres, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef, dot, norm};
 use crate::tolerances::{LOOSE, RESULT};
 
-/// Directions of GMRES, which is not restarted. Matrices are symmetric but for a few rows, and a Cholesky factorisation of a symmetric
-/// matrix near them is the preconditioner.
+/// Directions of GMRES, which is not restarted. Matrices are symmetric but for a few rows, and a Cholesky
+/// factorisation of a symmetric matrix near them is the preconditioner.
 const DIRECTIONS: usize = 80;
 
 /// Largest part of the step to the boundary of the cones that is taken.

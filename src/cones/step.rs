@@ -52,8 +52,8 @@ impl Run<'_> {
         norm(&self.phi)
     }
 
-    /// The Newton step of the equations at x, with `proximal` times the identity (in units of F) added to ∇F; `false` where the system
-    /// is singular.
+    /// The Newton step of the equations at x, with `proximal` times the identity (in units of F) added to ∇F;
+    /// `false` where the system is singular.
     pub(super) fn newton_step(&mut self, map: Map, proximal: f64) -> Result<bool, ComplementarityError> {
         self.map(map, false);
         self.system.clear();

@@ -31,8 +31,8 @@ impl ContactBody {
         load: LoadPath,
     ) -> Result<(Self, Option<String>), ContactError> {
         super::body::check_matrices(&a, &[&normal])?;
-        // Differences of a_ij and a_ji are rounding of 64-bit numbers (as in the condensed form), or of files with seven digits or more;
-        // larger ones are meant.
+        // Differences of a_ij and a_ji are rounding of 64-bit numbers (as in the condensed form), or of files
+        // with seven digits or more; larger ones are meant.
         let found = a.asymmetry(CHECKED);
         let (Some((row, col, difference)), None) = (found, a.asymmetry(SIX_DIGITS)) else {
             return Ok((Self::new(a, normal, tangential, load)?, None));

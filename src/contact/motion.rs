@@ -4,8 +4,8 @@ use super::body::Nodes;
 use crate::sparse::Place;
 use crate::tolerances::SIX_DIGITS;
 
-/// Parts of a motion, and its deviation from a rigid one, relative to its largest displacement, that may be rounding: motions without energy
-/// are found by inverse iteration.
+/// Parts of a motion, and its deviation from a rigid one, relative to its largest displacement, that may be
+/// rounding: motions without energy are found by inverse iteration.
 const ROUNDING: f64 = 100.0 * SIX_DIGITS;
 
 /// What a motion with a largest displacement of 1 does to the body: "slides along (1, 0)" or "turns about ...". `None` where it is not one

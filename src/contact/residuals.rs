@@ -4,13 +4,15 @@ use crate::words::{Count, Size};
 
 /// Largest residuals of the three blocks of equations, each against the largest force in it: free of units.
 ///
-/// Where all forces are small differences of terms that cancel (load cases that balance each other; displacements equal to the gap), 1.4e-4
-/// of these terms count in their place: smaller forces consist of rounding errors to more than 1e-10.
+/// Where all forces are small differences of terms that cancel (load cases that balance each other;
+/// displacements equal to the gap), 1.4e-4 of these terms count in their place: smaller forces consist of
+/// rounding errors to more than 1e-10.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactResiduals {
-    /// Of A u + Bᵀ λ = f. Zero where displacements are computed from the forces (condensed and Delassus form).
+    /// Of A u + Bᵀ λ = f. Zero where displacements are computed from the forces (condensed and Delassus
+    /// form).
     pub equilibrium: f64,
     /// Of λν = (λν + r (u_ν − gap))₊.
     pub normal: f64,

@@ -24,8 +24,8 @@ pub(super) fn largest(z: &[f64]) -> usize {
     (0..z.len()).max_by(by_modulus).unwrap_or(0)
 }
 
-/// A zero-energy motion, A z = 0 up to rounding with a largest displacement of 1, by inverse iteration from `start`, which must not be
-/// orthogonal to it. `None` where there is no such motion.
+/// A zero-energy motion, A z = 0 up to rounding with a largest displacement of 1, by inverse iteration from
+/// `start`, which must not be orthogonal to it. `None` where there is no such motion.
 pub(super) fn free_motion(a: &Matrix, start: Vec<f64>) -> Option<Vec<f64>> {
     let n = a.nrows();
     let mut scale = vec![0.0; n];

@@ -95,11 +95,12 @@ pub struct ContinuationOptions {
     /// Distance in x, relative to 1 + ‖x‖₂, within which a test function counts as vanishing at a start, at a branch point and where the
     /// selection is singular. At transitions met along a curve, the distance along the curve decides, to rounding. Default 1e-9.
     pub vanishing_distance: f64,
-    /// Typical sizes of all variables (y, α), in their units: distances and angles are measured in the variables divided by them,
-    /// arclength in that measure times the size of α, so that steps are changes of α where nothing else changes much. Default empty:
-    /// the sizes given by the map ([`Description::typical_sizes`](crate::piecewise::Description::typical_sizes)), that of α at most
-    /// the largest of 1 and the bounds of its range; where all pieces are affine, or their exact coefficients are affine in α, only if some
-    /// are further than a factor of 10³ from 1.
+    /// Typical sizes of all variables (y, α), in their units: distances and angles are measured in the
+    /// variables divided by them, arclength in that measure times the size of α, so that steps are changes of
+    /// α where nothing else changes much. Default empty: the sizes given by the map
+    /// ([`Description::typical_sizes`](crate::piecewise::Description::typical_sizes)), that of α at most the
+    /// largest of 1 and the bounds of its range; where all pieces are affine, or their exact coefficients are
+    /// affine in α, only if some are further than a factor of 10³ from 1.
     pub typical_sizes: Vec<f64>,
     /// Largest number of active selections examined at one point where all are tried in turn. Default 4096.
     pub max_selections: u64,

@@ -37,10 +37,10 @@ pub enum Completeness {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Doubt {
-    /// The map does not state its coefficients exactly ([`exact`](crate::piecewise::Structure::exact)), or has more than 2²¹ of them. Of arms: it does not state
-    /// them as affine functions of α
-    /// ([`is_affine_in_parameter`](crate::piecewise::ExactPieces::is_affine_in_parameter)), has more than 2¹⁸ of them, or the point lies at a
-    /// wall.
+    /// The map does not state its coefficients exactly ([`exact`](crate::piecewise::Structure::exact)), or
+    /// has more than 2²¹ of them. Of arms: it does not state them as affine functions of α
+    /// ([`is_affine_in_parameter`](crate::piecewise::ExactPieces::is_affine_in_parameter)), has more than 2¹⁸
+    /// of them, or the point lies at a wall.
     NoCoefficients,
     /// Kernels of dimension two or more, or decisions within rounding.
     Rounding,

@@ -1,16 +1,19 @@
-//! Complete lists: all solutions of a piecewise-affine equation at a fixed parameter, all arms of a solution set at a point.
+//! Complete lists: all solutions of a piecewise-affine equation at a fixed parameter, all arms of a solution
+//! set at a point.
 //!
-//! Where the pieces are affine both are finite problems: choose a piece at every site such that the equalities and the cell
-//! conditions of all chosen pieces hold together. The search chooses site after site, eliminates the equalities of the piece, and
-//! drops a partial selection as soon as a linear program shows that no point satisfies its conditions and those common to all pieces of
-//! the undecided sites. The kᵖ selections are never stored; each pruned partial selection counts the selections it excludes.
+//! Where the pieces are affine both are finite problems: choose a piece at every site such that the
+//! equalities and the cell conditions of all chosen pieces hold together. The search chooses site after site,
+//! eliminates the equalities of the piece, and drops a partial selection as soon as a linear program shows
+//! that no point satisfies its conditions and those common to all pieces of the undecided sites. The kᵖ
+//! selections are never stored; each pruned partial selection counts the selections it excludes.
 //!
-//! Lists are proven complete where the map gives its coefficients exactly: see [`all_solutions`], and [`all_arms`] for the point to which
-//! its list refers.
+//! Lists are proven complete where the map gives its coefficients exactly: see [`all_solutions`], and
+//! [`all_arms`] for the point to which its list refers.
 //!
-//! [`all_solutions`] and [`all_arms`] prune the search for maps that give exact coefficients, for those whose residuals each depend on few
-//! sites ([`site_rows`](crate::piecewise::Structure::site_rows)), and for those whose residuals are sums over sites, which is tested;
-//! for other maps selections are enumerated one by one, up to the cap.
+//! [`all_solutions`] and [`all_arms`] prune the search for maps that give exact coefficients, for those whose
+//! residuals each depend on few sites ([`site_rows`](crate::piecewise::Structure::site_rows)), and for those
+//! whose residuals are sums over sites, which is tested; for other maps selections are enumerated one by one,
+//! up to the cap.
 
 mod arms;
 mod certificate;

@@ -14,22 +14,26 @@ use crate::sparse::max_abs;
 use crate::tolerances::MAX_COEFFICIENTS;
 use collector::Collector;
 
-/// All solutions y of H(y, α) = 0 for a map whose pieces are affine in y. For an equation (as many variables as residuals) `alpha`
-/// is ignored.
+/// All solutions y of H(y, α) = 0 for a map whose pieces are affine in y. For an equation (as many variables
+/// as residuals) `alpha` is ignored.
 ///
-/// For maps that give [exact coefficients](crate::piecewise::Structure::exact), friction problems, affine complementarity problems and piecewise-affine
-/// formulas ([`Traced`](crate::piecewise)) among them, a list is proven complete for the problem that the floating-point numbers define.
-/// The search works in floating-point numbers; excluded selections, the regularity of selections, the signs of facets and the coincidence
-/// of solutions are decided by error bounds, and in exact rational arithmetic where these do not suffice. `tolerance` and `merge_distance`
-/// are not used.
+/// For maps that give [exact coefficients](crate::piecewise::Structure::exact), friction problems, affine
+/// complementarity problems and piecewise-affine formulas ([`Traced`](crate::piecewise)) among them, a list
+/// is proven complete for the problem that the floating-point numbers define. The search works in
+/// floating-point numbers; excluded selections, the regularity of selections, the signs of facets and the
+/// coincidence of solutions are decided by error bounds, and in exact rational arithmetic where these do not
+/// suffice. `tolerance` and `merge_distance` are not used.
 ///
-/// For other maps affinity is tested on every row by derivatives at two points, and every solution by its residual and its cell, within
-/// tolerances: such a list is never complete, but at best [`Undecided`](Completeness::Undecided). If each residual depends on the pieces of
-/// few sites, or residuals are sums over sites (which is tested at some selections), the search is pruned; else it tries all selections.
+/// For other maps affinity is tested on every row by derivatives at two points, and every solution by its
+/// residual and its cell, within tolerances: such a list is never complete, but at best
+/// [`Undecided`](Completeness::Undecided). If each residual depends on the pieces of few sites, or residuals
+/// are sums over sites (which is tested at some selections), the search is pruned; else it tries all
+/// selections.
 ///
 /// # Errors
-/// Options out of range, maps that are neither equation nor curve, α not finite, [`EnumerationError::NotAffine`] with the row or
-/// site, [`EnumerationError::TooLarge`], Jacobians that are not finite or have entries outside their pattern.
+/// Options out of range, maps that are neither equation nor curve, α not finite,
+/// [`EnumerationError::NotAffine`] with the row or site, [`EnumerationError::TooLarge`], Jacobians that are
+/// not finite or have entries outside their pattern.
 ///
 /// ```
 /// use semismooth::complementarity::Lcp;

@@ -191,7 +191,8 @@ impl Run<'_> {
             if norm <= goal {
                 return Ok(self.end(index, norm, Ok(Convergence::Tolerance)));
             }
-            // A larger share of its terms that changes with the last digits of x is a jump of H, not rounding.
+            // A larger share of its terms that changes with the last digits of x is a jump of H, not
+            // rounding.
             if stalls && norm <= SIX_DIGITS * scale && self.is_rounding(x, norm) {
                 return Ok(self.end(index, norm, Ok(Convergence::Rounding)));
             }

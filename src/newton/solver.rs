@@ -71,7 +71,8 @@ impl<L: LinearSolver> Newton<L> {
         }
     }
 
-    /// The same without rescaling the map: a [prescribed scale](crate::piecewise::Description::in_prescribed_scale) is ignored.
+    /// The same without rescaling the map: a [prescribed
+    /// scale](crate::piecewise::Description::in_prescribed_scale) is ignored.
     pub(crate) fn in_own_scale(mut self) -> Self {
         self.pieces.own_scale = true;
         self
@@ -95,14 +96,17 @@ impl<L: LinearSolver> Newton<L> {
         &self.pieces.selection
     }
 
-    /// Solves H(x) = 0 from the start `x`, which is overwritten by the solution (on failure by the best iterate).
+    /// Solves H(x) = 0 from the start `x`, which is overwritten by the solution (on failure by the best
+    /// iterate).
     ///
-    /// A map with one variable more than residuals is solved for all variables but the last, the parameter, which stays fixed. Where users
-    /// prescribed a scale, the equation is solved [in that scale](crate::piecewise::Description::in_prescribed_scale).
+    /// A map with one variable more than residuals is solved for all variables but the last, the parameter,
+    /// which stays fixed. Where users prescribed a scale, the equation is solved [in that
+    /// scale](crate::piecewise::Description::in_prescribed_scale).
     ///
     /// # Errors
-    /// [`NewtonError::Failed`] with the best iterate and the history; errors of options, map, start and linear solver. Where the regularity
-    /// that [`NewtonOptions::regularity`] asks for cannot be examined, `x` holds the solution all the same.
+    /// [`NewtonError::Failed`] with the best iterate and the history; errors of options, map, start and
+    /// linear solver. Where the regularity that [`NewtonOptions::regularity`] asks for cannot be examined,
+    /// `x` holds the solution all the same.
     pub fn solve<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,

@@ -7,8 +7,8 @@ use crate::sparse::{Matrix, dot, norm};
 use crate::tolerances::CHECKED;
 use crate::variational::{Multipliers, Polyhedron};
 
-/// Part of the decrease by which a plane may be violated where a solution of a quadratic program is not accurate in each of its rows: p + ν
-/// and the errors are computed from the multipliers.
+/// Part of the decrease by which a plane may be violated where a solution of a quadratic program is not
+/// accurate in each of its rows: p + ν and the errors are computed from the multipliers.
 const CUT: f64 = 0.1;
 
 /// A linearisation of f, or a convex combination of some.

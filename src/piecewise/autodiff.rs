@@ -144,11 +144,12 @@ impl Dependencies {
 
 /// A [`NonsmoothFunction`] as a [`PiecewiseSmooth`] map.
 ///
-/// Where it is piecewise affine it gives its [exact coefficients](crate::piecewise::Structure::exact): lists of its solutions are proven complete, and
-/// of its arms where it is affine in the parameter, too. For this it is evaluated over affine forms in exact arithmetic, with an unknown
-/// for every kink (the abs-normal form, Griewank 2013). The numbers in the formula count as they are stored; quotients by numbers are not
-/// rounded. It gives none where it branches on [`value`](Real::value), calls `abs` or any nonlinear smooth function, or does arithmetic
-/// among constants of type `T` that has to round (`T::from(1.0) / 3.0`).
+/// Where it is piecewise affine it gives its [exact coefficients](crate::piecewise::Structure::exact): lists
+/// of its solutions are proven complete, and of its arms where it is affine in the parameter, too. For this
+/// it is evaluated over affine forms in exact arithmetic, with an unknown for every kink (the abs-normal
+/// form, Griewank 2013). The numbers in the formula count as they are stored; quotients by numbers are not
+/// rounded. It gives none where it branches on [`value`](Real::value), calls `abs` or any nonlinear smooth
+/// function, or does arithmetic among constants of type `T` that has to round (`T::from(1.0) / 3.0`).
 ///
 /// ```
 /// use semismooth::newton::Newton;

@@ -257,15 +257,17 @@ fn list(findings: &[Finding]) -> String {
     findings.iter().map(|f| format!("\n  {f}")).collect()
 }
 
-/// Tests whether a map keeps the contract of [`PiecewiseSmooth`], at given samples and at the kinks between them.
+/// Tests whether a map keeps the contract of [`PiecewiseSmooth`], at given samples and at the kinks between
+/// them.
 ///
-/// Samples should be in general position (not on kinks) and lie in all the pieces; see the [report](CheckReport) for how much was
-/// examined. Checked are: numbers and indices; that the cells of each site tile the domain; continuity at boundaries found between
-/// samples; Jacobians, `test_derivatives`, `test_gradient` and (where kinks lie inside of others) `tests_of_selection` against difference
-/// quotients; `pattern`, `site_rows` and `is_piecewise_affine` against what the map does.
+/// Samples should be in general position (not on kinks) and lie in all the pieces; see the
+/// [report](CheckReport) for how much was examined. Checked are: numbers and indices; that the cells of each
+/// site tile the domain; continuity at boundaries found between samples; Jacobians, `test_derivatives`,
+/// `test_gradient` and (where kinks lie inside of others) `tests_of_selection` against difference quotients;
+/// `pattern`, `site_rows` and `is_piecewise_affine` against what the map does.
 ///
-/// Cost: about 4 m residuals a selection and sample, and a [`test_gradient`](crate::piecewise::Derivatives::test_gradient) a test function and
-/// sample.
+/// Cost: about 4 m residuals a selection and sample, and a
+/// [`test_gradient`](crate::piecewise::Derivatives::test_gradient) a test function and sample.
 ///
 /// # Errors
 /// [`CheckError::Findings`] with all errors of the map; the other variants are errors of the call.

@@ -113,14 +113,16 @@ impl fmt::Display for CoherentOrientation {
 
 /// Examines up to `cap` active selections at x for coherent orientation of ∇_yH (the first n columns of ∇H).
 ///
-/// Signs are those of an LU factorisation in floating-point numbers. Where rounding may decide (a reciprocal condition number, rows and
-/// columns equilibrated so that units of H and y do not matter, below 1e-10 and some roundings a row), those of maps that give
-/// [exact](crate::piecewise::Structure::exact) coefficients are decided in exact arithmetic, up to 200 rows and some tenths of a second. For other maps
-/// a matrix counts as singular, sign 0, where that number is below 1e-14; [`bd_regularity`](super::bd_regularity) requires 1e-11.
+/// Signs are those of an LU factorisation in floating-point numbers. Where rounding may decide (a reciprocal
+/// condition number, rows and columns equilibrated so that units of H and y do not matter, below 1e-10 and
+/// some roundings a row), those of maps that give [exact](crate::piecewise::Structure::exact) coefficients
+/// are decided in exact arithmetic, up to 200 rows and some tenths of a second. For other maps a matrix
+/// counts as singular, sign 0, where that number is below 1e-14; [`bd_regularity`](super::bd_regularity)
+/// requires 1e-11.
 ///
 /// # Errors
-/// Wrong lengths, maps with neither m = n nor m = n + 1, Jacobians that are not finite, and matrices so large that no determinant
-/// is available ([`LinearError::Solver`](crate::linear::LinearError::Solver)).
+/// Wrong lengths, maps with neither m = n nor m = n + 1, Jacobians that are not finite, and matrices so large
+/// that no determinant is available ([`LinearError::Solver`](crate::linear::LinearError::Solver)).
 pub fn coherent_orientation<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     x: &[f64],

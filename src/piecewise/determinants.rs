@@ -6,8 +6,8 @@ use crate::linear::{AutoSolver, DENSE_LIMIT, LinearError, LinearSolver};
 use crate::sparse::{Matrix, MatrixRef};
 use crate::tolerances::CHECKED;
 
-/// Allowance for the growth of entries in a factorisation of order n, whose rounding is some n ε else, for the rounding of the entries and
-/// for the error of the estimated condition.
+/// Allowance for the growth of entries in a factorisation of order n, whose rounding is some n ε else, for
+/// the rounding of the entries and for the error of the estimated condition.
 const ALLOWANCE: f64 = 1e3;
 /// Numbers written in exact arithmetic for one verdict, long ones counted as many: some tenths of a second.
 const WORK: u64 = 4_000_000;
@@ -101,7 +101,8 @@ impl<'a> Determinants<'a> {
     }
 }
 
-/// Reciprocal condition of a matrix of order n, rows and columns equilibrated, below which exact arithmetic decides where it is available.
+/// Reciprocal condition of a matrix of order n, rows and columns equilibrated, below which exact arithmetic
+/// decides where it is available.
 pub(crate) fn near(n: usize) -> f64 {
     CHECKED.max(ALLOWANCE * n as f64 * f64::EPSILON)
 }

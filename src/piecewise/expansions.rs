@@ -3,14 +3,14 @@ use super::Selection;
 /// Taylor expansions of the pieces of a map along arcs.
 ///
 /// Maps of formulas (`Traced`) have them. A map of your own that knows its higher derivatives returns this
-/// from [`expansions`](crate::piecewise::Derivatives::expansions): where Jacobians are singular, the branches that meet are
-/// then found from derivatives without errors of differences.
+/// from [`expansions`](crate::piecewise::Derivatives::expansions): where Jacobians are singular, the branches
+/// that meet are then found from derivatives without errors of differences.
 pub trait Expansions {
     /// Coefficients of H^(σ)(x(s)) and of the test functions along x(s) = Σ arc\[k\] sᵏ, k = 0 … 4, at s = 0;
-    /// those of the selection where kinks are [nested](crate::piecewise::Derivatives::has_nested_kinks). `arc` holds at
-    /// most 5 vectors of length m, and those it lacks are zero. Entry 5 i + k of `residual` (length 5 n) and
-    /// of `tests` (5 times the number of test functions) is the coefficient of sᵏ. What is undefined is NaN
-    /// or infinite.
+    /// those of the selection where kinks are [nested](crate::piecewise::Derivatives::has_nested_kinks).
+    /// `arc` holds at most 5 vectors of length m, and those it lacks are zero. Entry 5 i + k of `residual`
+    /// (length 5 n) and of `tests` (5 times the number of test functions) is the coefficient of sᵏ. What is
+    /// undefined is NaN or infinite.
     fn along(&self, selection: &Selection, arc: &[&[f64]], residual: &mut [f64], tests: &mut [f64]);
 
     /// Enclosures (lower and upper ends, rounding included) of ∇H^(σ) and of the gradients of the test

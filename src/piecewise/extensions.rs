@@ -1,12 +1,14 @@
-//! What a map may say beyond [`PiecewiseSmooth`], in three traits by subject, and [`PiecewiseSmoothExt`], which asks any map.
+//! What a map may say beyond [`PiecewiseSmooth`], in three traits by subject, and [`PiecewiseSmoothExt`],
+//! which asks any map.
 
 use std::borrow::Cow;
 
 use super::{Condensed, ExactPieces, Expansions, PiecewiseSmooth, Selection, differences};
 use crate::sparse::Matrix;
 
-/// Derivatives of test functions and derivatives of higher order, for maps that know them: [`PiecewiseSmooth::derivatives`] then returns
-/// `Some(self)`. Where a map does not, solvers use central differences.
+/// Derivatives of test functions and derivatives of higher order, for maps that know them:
+/// [`PiecewiseSmooth::derivatives`] then returns `Some(self)`. Where a map does not, solvers use central
+/// differences.
 ///
 /// ```
 /// use semismooth::piecewise::{Derivatives, PiecewiseSmooth};
@@ -45,27 +47,30 @@ use crate::sparse::Matrix;
 /// # assert_eq!(gradient, [6.0, 8.0]);
 /// ```
 pub trait Derivatives: PiecewiseSmooth {
-    /// Directional derivatives ∇θ(x)·d of all test functions, in the order of [`test_functions`](PiecewiseSmooth::test_functions).
-    /// Default: central differences along d (two evaluations).
+    /// Directional derivatives ∇θ(x)·d of all test functions, in the order of
+    /// [`test_functions`](PiecewiseSmooth::test_functions). Default: central differences along d (two
+    /// evaluations).
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         differences::test_derivatives(&self, x, d, out);
     }
 
-    /// The gradient ∇θ_test(x) (length m) of one test function of a site. Default: central differences (2 m evaluations of all
-    /// test functions; override for large problems).
+    /// The gradient ∇θ_test(x) (length m) of one test function of a site. Default: central differences (2 m
+    /// evaluations of all test functions; override for large problems).
     fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
         differences::test_gradient(&self, site, test, x, gradient);
     }
 
     /// Whether kinks are nested, so that the arguments of test functions have kinks themselves and
-    /// [`tests_of_selection`](Self::tests_of_selection) differs from [`test_functions`](PiecewiseSmooth::test_functions). Default: `false`.
+    /// [`tests_of_selection`](Self::tests_of_selection) differs from
+    /// [`test_functions`](PiecewiseSmooth::test_functions). Default: `false`.
     fn has_nested_kinks(&self) -> bool {
         false
     }
 
-    /// The test functions θ^(σ)(x) of a selection, in which all other kinks have its pieces, or with a direction d ∇θ^(σ)(x)·d. They are
-    /// smooth near the cell of σ, and in it they are those of [`test_functions`](PiecewiseSmooth::test_functions). Curves of σ are followed
-    /// with them. Default, for kinks that are not nested: test functions are smooth and the same for all selections.
+    /// The test functions θ^(σ)(x) of a selection, in which all other kinks have its pieces, or with a
+    /// direction d ∇θ^(σ)(x)·d. They are smooth near the cell of σ, and in it they are those of
+    /// [`test_functions`](PiecewiseSmooth::test_functions). Curves of σ are followed with them. Default, for
+    /// kinks that are not nested: test functions are smooth and the same for all selections.
     fn tests_of_selection(&self, _selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
         match d {
             Some(d) => Derivatives::test_derivatives(self, x, d, out),
@@ -80,35 +85,40 @@ pub trait Derivatives: PiecewiseSmooth {
     }
 }
 
-/// What solvers may use of the structure of a map: [`PiecewiseSmooth::structure`] then returns `Some(self)`. Results are the same without,
-/// but for proofs; large problems take longer.
+/// What solvers may use of the structure of a map: [`PiecewiseSmooth::structure`] then returns `Some(self)`.
+/// Results are the same without, but for proofs; large problems take longer.
 pub trait Structure: PiecewiseSmooth {
-    /// Replaces `rows` by the residuals that depend on the piece chosen at `site`. All other rows are the same whatever piece
-    /// the site uses, so that a solver may keep its factors and update them. Default: all rows.
+    /// Replaces `rows` by the residuals that depend on the piece chosen at `site`. All other rows are the
+    /// same whatever piece the site uses, so that a solver may keep its factors and update them. Default: all
+    /// rows.
     fn site_rows(&self, _site: usize, rows: &mut Vec<usize>) {
         all_rows(self.num_residuals(), rows);
     }
 
-    /// Adds only the rows [`site_rows`](Self::site_rows) of ∇H^(σ)(x) to a matrix in which they are zero, so that a solver that has the
-    /// other rows need not recompute them. Returns whether it did so. Default: `false`, and nothing added.
+    /// Adds only the rows [`site_rows`](Self::site_rows) of ∇H^(σ)(x) to a matrix in which they are zero, so
+    /// that a solver that has the other rows need not recompute them. Returns whether it did so. Default:
+    /// `false`, and nothing added.
     fn site_jacobian(&self, _site: usize, _selection: &Selection, _x: &[f64], _jac: &mut Matrix) -> bool {
         false
     }
 
-    /// The conditions of the pieces with exact coefficients, from which lists of solutions are proven to be complete.
-    /// Default: `None`; such lists are then at best [undecided](crate::enumeration::Completeness::Undecided).
+    /// The conditions of the pieces with exact coefficients, from which lists of solutions are proven to be
+    /// complete. Default: `None`; such lists are then at best
+    /// [undecided](crate::enumeration::Completeness::Undecided).
     fn exact(&self) -> Option<&dyn ExactPieces> {
         None
     }
 
-    /// What makes large full Jacobians cheap to factor, where they are combined from rows of one matrix. Default: `None`.
+    /// What makes large full Jacobians cheap to factor, where they are combined from rows of one matrix.
+    /// Default: `None`.
     #[doc(hidden)]
     fn condensed(&self) -> Option<Condensed<'_>> {
         None
     }
 }
 
-/// What the numbers of a map mean to its user, names, sizes and scales: [`PiecewiseSmooth::description`] then returns `Some(self)`.
+/// What the numbers of a map mean to its user, names, sizes and scales: [`PiecewiseSmooth::description`] then
+/// returns `Some(self)`.
 pub trait Description: PiecewiseSmooth {
     /// Name of a piece, for reports. Default: its number.
     fn piece_name(&self, _site: usize, piece: usize) -> Cow<'_, str> {
@@ -120,20 +130,22 @@ pub trait Description: PiecewiseSmooth {
         numbered("site", site)
     }
 
-    /// Replaces `sizes` (length m, filled with 1) by typical sizes of the variables in their units: positive numbers, that of a
-    /// parameter the change over which solutions change noticeably. Distances and angles in x are measured relative to them where a curve
-    /// is followed, and so are the steps of central differences. Default: unchanged.
+    /// Replaces `sizes` (length m, filled with 1) by typical sizes of the variables in their units: positive
+    /// numbers, that of a parameter the change over which solutions change noticeably. Distances and angles
+    /// in x are measured relative to them where a curve is followed, and so are the steps of central
+    /// differences. Default: unchanged.
     fn typical_sizes(&self, _sizes: &mut [f64]) {}
 
-    /// Replaces `out` by the test functions in the form reported at transitions, where it differs from the form used to follow curves, and
-    /// returns whether it differs (the same at every x): users may prescribe a scale (the augmentation parameter of a contact problem) on
-    /// which nothing else depends except the iterates of Newton's method. At solutions both forms have the same signs. Default: `false`.
+    /// Replaces `out` by the test functions in the form reported at transitions, where it differs from the
+    /// form used to follow curves, and returns whether it differs (the same at every x): users may prescribe
+    /// a scale (the augmentation parameter of a contact problem) on which nothing else depends except the
+    /// iterates of Newton's method. At solutions both forms have the same signs. Default: `false`.
     fn reported_tests(&self, _x: &[f64], _out: &mut [f64]) -> bool {
         false
     }
 
-    /// The same equation in the scale that users prescribed, if it differs: [Newton's method](crate::newton) iterates in that scale, as its
-    /// iterates depend on it. Solutions are the same. Default: `None`.
+    /// The same equation in the scale that users prescribed, if it differs: [Newton's method](crate::newton)
+    /// iterates in that scale, as its iterates depend on it. Solutions are the same. Default: `None`.
     fn in_prescribed_scale(&self) -> Option<Box<dyn PiecewiseSmooth + '_>> {
         None
     }
@@ -148,8 +160,9 @@ fn numbered(what: &str, number: usize) -> Cow<'static, str> {
     Cow::Owned(format!("{what} {number}"))
 }
 
-/// The questions of [`Derivatives`], [`Structure`] and [`Description`] for any map: what it says there, else the default. Maps implement
-/// those; solvers ask this. For a type that implements one of them itself, say by path which is meant where both traits are imported.
+/// The questions of [`Derivatives`], [`Structure`] and [`Description`] for any map: what it says there, else
+/// the default. Maps implement those; solvers ask this. For a type that implements one of them itself, say by
+/// path which is meant where both traits are imported.
 ///
 /// ```
 /// use semismooth::piecewise::{MinMap, PiecewiseSmoothExt};

@@ -84,18 +84,20 @@ pub trait PiecewiseSmooth {
         false
     }
 
-    /// Derivatives of test functions, test functions of nested kinks, derivatives of higher order, from maps that know them. Default: `None`;
-    /// differences stand in for them.
+    /// Derivatives of test functions, test functions of nested kinks, derivatives of higher order, from maps
+    /// that know them. Default: `None`; differences stand in for them.
     fn derivatives(&self) -> Option<&dyn Derivatives> {
         None
     }
 
-    /// Which rows a site changes, and exact coefficients. Default: `None`: all rows, and no proofs of completeness.
+    /// Which rows a site changes, and exact coefficients. Default: `None`: all rows, and no proofs of
+    /// completeness.
     fn structure(&self) -> Option<&dyn Structure> {
         None
     }
 
-    /// Names for reports, typical sizes of the variables and a scale that users prescribed. Default: `None`: numbers, and sizes of 1.
+    /// Names for reports, typical sizes of the variables and a scale that users prescribed. Default: `None`:
+    /// numbers, and sizes of 1.
     fn description(&self) -> Option<&dyn Description> {
         None
     }

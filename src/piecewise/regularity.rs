@@ -80,19 +80,23 @@ impl fmt::Display for Regularity {
     }
 }
 
-/// BD-regularity: whether all elements of the B-subdifferential ∂_B H(x) are regular (L. Qi, Math. Oper. Res. 18 (1993)). Newton's method
-/// then converges superlinearly near the solution x, quadratically where ∇H^(σ) are Lipschitz continuous, and ‖H‖ bounds the distance.
+/// BD-regularity: whether all elements of the B-subdifferential ∂_B H(x) are regular (L. Qi, Math. Oper. Res.
+/// 18 (1993)). Newton's method then converges superlinearly near the solution x, quadratically where ∇H^(σ)
+/// are Lipschitz continuous, and ‖H‖ bounds the distance.
 ///
-/// For the map of a curve, y alone varies (∇_yH, the first n columns). A matrix whose reciprocal condition, rows and columns equilibrated,
-/// is below 1e-11 counts as singular. If the map gives [exact](crate::piecewise::Structure::exact) coefficients, matrices whose regularity rounding
-/// leaves open are decided in exact arithmetic instead, up to 200 rows and some tenths of a second ([`CertificateDoubt::Rounding`] beyond). Test
-/// functions with |θ(x)| ≤ `tolerance` count as vanishing. Which cells have points near x is decided by their unit gradients: those that are
-/// dependent up to rounding count as dependent; a cell that is narrow, but wider than that, is a [`CertificateDoubt::Activity`]. At most
-/// `cap` active selections are examined, with one factorisation each and, up to 500 rows, one singular value decomposition, O(n³).
+/// For the map of a curve, y alone varies (∇_yH, the first n columns). A matrix whose reciprocal condition,
+/// rows and columns equilibrated, is below 1e-11 counts as singular. If the map gives
+/// [exact](crate::piecewise::Structure::exact) coefficients, matrices whose regularity rounding leaves open
+/// are decided in exact arithmetic instead, up to 200 rows and some tenths of a second
+/// ([`CertificateDoubt::Rounding`] beyond). Test functions with |θ(x)| ≤ `tolerance` count as vanishing.
+/// Which cells have points near x is decided by their unit gradients: those that are dependent up to rounding
+/// count as dependent; a cell that is narrow, but wider than that, is a [`CertificateDoubt::Activity`]. At
+/// most `cap` active selections are examined, with one factorisation each and, up to 500 rows, one singular
+/// value decomposition, O(n³).
 ///
 /// # Errors
-/// Wrong lengths, maps with neither m = n nor m = n + 1, Jacobians that are not finite or leave their pattern, and failures of the linear
-/// solver other than singularity.
+/// Wrong lengths, maps with neither m = n nor m = n + 1, Jacobians that are not finite or leave their
+/// pattern, and failures of the linear solver other than singularity.
 ///
 /// ```
 /// use semismooth::piecewise::{MinMap, Regularity, bd_regularity, cd_regularity};

@@ -117,14 +117,16 @@ enum Added {
 }
 
 impl Polyhedron {
-    /// The point of C nearest to x in the Euclidean norm, with its multipliers, or a certificate that C is empty, by the dual active-set
-    /// method of D. Goldfarb and A. Idnani (1983).
+    /// The point of C nearest to x in the Euclidean norm, with its multipliers, or a certificate that C is
+    /// empty, by the dual active-set method of D. Goldfarb and A. Idnani (1983).
     ///
     /// # Complexity
-    /// O(n (m + k + n)) operations a change of the active set, of which there are rarely more than a few for each active constraint.
+    /// O(n (m + k + n)) operations a change of the active set, of which there are rarely more than a few for
+    /// each active constraint.
     ///
     /// # Errors
-    /// x of the wrong length or not finite; constraints that are linearly dependent up to rounding ([`ComplementarityError::Unresolved`]).
+    /// x of the wrong length or not finite; constraints that are linearly dependent up to rounding
+    /// ([`ComplementarityError::Unresolved`]).
     pub fn project(&self, x: &[f64]) -> Result<Projection, ComplementarityError> {
         check_vector("x", x, self.dimension())?;
         project(self, x)

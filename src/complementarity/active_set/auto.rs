@@ -5,8 +5,8 @@ use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::{LinearError, WORTH, aggregation_hierarchy};
 use crate::sparse::Matrix;
 
-/// Direct solves for small, full or unsymmetric matrices, conjugate gradients with multigrid for large sparse symmetric ones; should
-/// these not converge, direct ones again.
+/// Direct solves for small, full or unsymmetric matrices, conjugate gradients with multigrid for large sparse
+/// symmetric ones; should these not converge, direct ones again.
 #[derive(Debug, Clone, Default)]
 pub struct AutoReduced {
     direct: DirectReduced,

@@ -1,6 +1,7 @@
 use crate::words::named;
 
-/// The strategies of the solver, tried in this order unless [`McpOptions::strategies`](super::McpOptions::strategies) says otherwise.
+/// The strategies of the solver, tried in this order unless
+/// [`McpOptions::strategies`](super::McpOptions::strategies) says otherwise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

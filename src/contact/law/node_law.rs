@@ -371,11 +371,12 @@ pub trait NodeLaw {
         false
     }
 
-    /// [c, s] of the coefficient of friction F = c + α s of a node, where the law is planar Coulomb friction with the pieces open, stick,
-    /// slip+ and slip− and F depends on nothing else but the `history` of the node: contact is then
-    /// [stated exactly](crate::piecewise::Structure::exact), and lists of solutions are proven. It must be the F of the residual: proofs
-    /// are those of these numbers. Lists with points that do not solve the map are doubted
-    /// ([`Doubt::Contradiction`](crate::enumeration::Doubt::Contradiction)), but nothing finds a solution that wrong numbers exclude.
+    /// [c, s] of the coefficient of friction F = c + α s of a node, where the law is planar Coulomb friction
+    /// with the pieces open, stick, slip+ and slip− and F depends on nothing else but the `history` of the
+    /// node: contact is then [stated exactly](crate::piecewise::Structure::exact), and lists of solutions are
+    /// proven. It must be the F of the residual: proofs are those of these numbers. Lists with points that do
+    /// not solve the map are doubted ([`Doubt::Contradiction`](crate::enumeration::Doubt::Contradiction)),
+    /// but nothing finds a solution that wrong numbers exclude.
     fn affine_friction(&self, _node: usize, _history: &[f64]) -> Option<[f64; 2]> {
         None
     }

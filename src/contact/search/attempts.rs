@@ -12,12 +12,14 @@ use crate::words::{Size, iterations, named};
 pub enum ContactStrategy {
     /// PS-Newton from the start given; from zero if there is none.
     Newton,
-    /// PS-Newton from zero and from the problem with all nodes stuck; where contact alone holds the body and all else has failed, from the
-    /// body on soft springs, which are moved along until they pull at nothing.
+    /// PS-Newton from zero and from the problem with all nodes stuck; where contact alone holds the body and
+    /// all else has failed, from the body on soft springs, which are moved along until they pull at nothing.
     Restart,
-    /// The same with larger augmentation parameters r: solutions do not depend on r, the iterates of Newton's method do.
+    /// The same with larger augmentation parameters r: solutions do not depend on r, the iterates of Newton's
+    /// method do.
     Stiffer,
-    /// The body is lowered onto the foundation, from a height at which no node touches it, in increments, each solved by PS-Newton.
+    /// The body is lowered onto the foundation, from a height at which no node touches it, in increments,
+    /// each solved by PS-Newton.
     Increments,
     /// The body is lowered onto the foundation, and the curve of solutions followed through kinks and folds.
     Path,

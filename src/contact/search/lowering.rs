@@ -18,8 +18,8 @@ use crate::tolerances::RESULT;
 const WORK: f64 = 4e12;
 const FEWEST: f64 = 300.0;
 
-/// The smallest step: where a coefficient of friction changes steeply with the slip, compared with the stiffness, paths bend within lengths
-/// far below the usual steps.
+/// The smallest step: where a coefficient of friction changes steeply with the slip, compared with the
+/// stiffness, paths bend within lengths far below the usual steps.
 const MIN_STEP: f64 = 1e-13;
 
 /// Largest and smallest increment of the homotopy parameter in [0, 1].

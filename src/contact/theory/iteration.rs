@@ -133,7 +133,8 @@ impl FixedPointReport {
             .map_or(0, |k| k + 1);
         let tail = self.changes.get(begin..)?;
         let smallest = tail.iter().copied().fold(f64::INFINITY, f64::min);
-        // Problems within the iteration are solved to rounding: what is left of changes that become small is noise.
+        // Problems within the iteration are solved to rounding: what is left of changes that become small is
+        // noise.
         let floor = if smallest < SAME {
             ABOVE_NOISE * smallest.max(f64::EPSILON)
         } else {

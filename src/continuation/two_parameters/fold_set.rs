@@ -10,7 +10,8 @@ use crate::piecewise::{
 use crate::sparse::{Matrix, Pattern};
 use crate::tolerances::CENTRAL;
 
-/// The smooth folds of a two-parameter family: a curve to [follow](crate::continuation::Continuation) in the last parameter β.
+/// The smooth folds of a two-parameter family: a curve to [follow](crate::continuation::Continuation) in the
+/// last parameter β.
 ///
 /// The family is a map of n residuals in x = (y, α, β). A fold in α has a kernel v of ∇_yH, so that
 ///
@@ -18,11 +19,13 @@ use crate::tolerances::CENTRAL;
 /// H(y, α, β) = 0,   ∇_yH(y, α, β) v = 0,   Σ (v_j / s_j)² = 1
 /// ```
 ///
-/// are 2n + 1 equations in the 2n + 2 variables (y, v, α, β) (Seydel 1979; Allgower and Georg 1990, ch. 8). s are the
-/// [typical sizes](crate::piecewise::Description::typical_sizes) of y in the family, and those of v. The set belongs to one selection: where the curve
-/// leaves its cell the fold is no longer smooth, and the curve [ends](crate::continuation::TransitionKind::End) in a point of codimension
-/// two, from which a [`TransitionSet`](crate::continuation::TransitionSet) continues it as non-smooth folds. [Smooth
-/// folds](crate::continuation::Event::SmoothFold) of this curve are its turning points in β: cusps, and births of isolas.
+/// are 2n + 1 equations in the 2n + 2 variables (y, v, α, β) (Seydel 1979; Allgower and Georg 1990, ch. 8). s
+/// are the [typical sizes](crate::piecewise::Description::typical_sizes) of y in the family, and those of v.
+/// The set belongs to one selection: where the curve leaves its cell the fold is no longer smooth, and the
+/// curve [ends](crate::continuation::TransitionKind::End) in a point of codimension two, from which a
+/// [`TransitionSet`](crate::continuation::TransitionSet) continues it as non-smooth folds. [Smooth
+/// folds](crate::continuation::Event::SmoothFold) of this curve are its turning points in β: cusps, and
+/// births of isolas.
 ///
 /// Second derivatives are central differences of Jacobians along v.
 ///
