@@ -85,7 +85,8 @@ pub trait PiecewiseSmooth {
     }
 
     /// Derivatives of test functions, test functions of nested kinks, derivatives of higher order, from maps
-    /// that know them. Default: `None`; differences stand in for them.
+    /// that know them. Default: `None`; differences stand in for them. A map that implements [`Derivatives`]
+    /// returns `Some(self)`, else its implementation is never asked; likewise below.
     fn derivatives(&self) -> Option<&dyn Derivatives> {
         None
     }

@@ -577,6 +577,62 @@ fn maps_behind_pointers() {
     }
 }
 
+/// A map that implements the three further traits and overrides nothing says the same as one that does not implement them.
+#[test]
+fn what_maps_do_not_say_has_one_default() {
+    struct Silent(Rubber);
+    struct Saying(Rubber);
+    macro_rules! same_map {
+        () => {
+            same_cells!(0);
+            hand_on! {
+                0:
+                fn test_functions(&self, x: &[f64], out: &mut [f64]);
+                fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]);
+                fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix);
+            }
+        };
+    }
+    impl PiecewiseSmooth for Silent {
+        same_map!();
+    }
+    impl PiecewiseSmooth for Saying {
+        same_map!();
+        fn derivatives(&self) -> Option<&dyn Derivatives> {
+            Some(self)
+        }
+        fn structure(&self) -> Option<&dyn Structure> {
+            Some(self)
+        }
+        fn description(&self) -> Option<&dyn Description> {
+            Some(self)
+        }
+    }
+    impl Derivatives for Saying {}
+    impl Structure for Saying {}
+    impl Description for Saying {}
+    let (silent, saying) = (Silent(Rubber(Fault::None)), Saying(Rubber(Fault::None)));
+    for x in samples() {
+        let (words, numbers) = told(&silent, &x);
+        assert_eq!(told(&saying, &x), (words.clone(), numbers));
+        assert!(words.iter().any(|w| w == "site 0 [0, 1, 2, 3]"), "{words:?}");
+        assert!(words.iter().any(|w| w.starts_with("piece 1 ")), "{words:?}");
+        let (s, d) = (select(&silent, &x), vec![0.25; x.len()]);
+        let total = TestLayout::new(&silent).total();
+        for d in [None, Some(d.as_slice())] {
+            let [mut a, mut b, mut c] = [vec![0.0; total], vec![1.0; total], vec![2.0; total]];
+            silent.tests_of_selection(&s, &x, d, &mut a);
+            PiecewiseSmoothExt::tests_of_selection(&saying, &s, &x, d, &mut b);
+            match d {
+                Some(d) => silent.test_derivatives(&x, d, &mut c),
+                None => silent.test_functions(&x, &mut c),
+            }
+            assert_eq!((&a, &a), (&b, &c));
+        }
+    }
+    assert!(!silent.has_nested_kinks() && silent.exact().is_none() && silent.expansions().is_none());
+}
+
 #[test]
 fn a_wrong_pattern_is_an_error() {
     let map = Rubber(Fault::PatternShape);
