@@ -174,7 +174,7 @@ fn numbered(what: &str, number: usize) -> Cow<'static, str> {
 /// let mut rows = Vec::new();
 /// map.site_rows(1, &mut rows);
 /// assert_eq!(rows, [1]);
-/// assert_eq!(map.piece_name(1, 0), "piece 0"); // it gives no names
+/// assert_eq!(map.piece_name(1, 0), "first");
 /// ```
 pub trait PiecewiseSmoothExt: PiecewiseSmooth {
     /// See [`Derivatives::test_derivatives`].

@@ -91,7 +91,7 @@ impl Formula {
     /// `sinh`, `cosh`, `tanh` and `pi`.
     ///
     /// ```
-    /// use semismooth::piecewise::{Formula, PiecewiseSmooth, Traced, value};
+    /// use semismooth::piecewise::{Formula, PiecewiseSmoothExt, Traced, value};
     /// let beam = Formula::read(&["y - 1.25*max(y - 1, 0) = load"], &["y", "load"])?;
     /// let map = Traced::new(beam);
     /// assert_eq!((map.site_name(0), map.piece_name(0, 1)), ("y − 1 | 0".into(), "0".into()));
