@@ -171,6 +171,15 @@ mod tests {
         assert!(matches!(cone(60, &facets), Cone::Large));
     }
 
+    /// A wedge as narrow as the root of rounding, 1e-5, allows has an interior.
+    #[test]
+    fn narrow_wedges_have_an_interior() {
+        for angle in [1e-1, 2e-5] {
+            let wedge = cone(2, &normals(&[[1.0, 0.0], [-1.0, angle]]));
+            assert!(matches!(wedge, Cone::Solid(2)), "{angle}");
+        }
+    }
+
     /// The edges of an octant bound a cone of three dimensions; opposite facets leave a face or an edge of it.
     #[test]
     fn cones_in_space() {

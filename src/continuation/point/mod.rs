@@ -13,6 +13,7 @@ mod first;
 mod large;
 mod proof;
 mod reduced;
+mod roots;
 pub(super) mod search;
 mod settle;
 pub(super) mod units;

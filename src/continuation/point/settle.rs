@@ -330,6 +330,25 @@ mod tests {
     /// Piece, tangent, facets in which it runs, and a point on it.
     type Known<'a> = (usize, [f64; 2], &'a [usize], [f64; 2]);
 
+    /// Lengths and angles are those of the displacements in multiples of the sizes, whatever the units.
+    #[test]
+    fn lengths_and_angles_do_not_depend_on_units() {
+        let mut arm = found(0, [1.0, 0.0], &[]);
+        arm.units = vec![2.0, 0.5];
+        let mut other = arm.clone();
+        other.units = vec![8.0, 0.125];
+        let measure = Measure::of(&[arm, other, found(0, [0.0, 1.0], &[])], 2);
+        assert_eq!(measure.0, [4.0, 0.25]);
+        assert_eq!(measure.dot(&[8.0, 0.5], &[4.0, 1.0]), 2.0 * 1.0 + 2.0 * 4.0);
+        assert_eq!(measure.norm(&[12.0, 1.0]), 5.0);
+        assert_eq!(measure.distance(&[13.0, 2.0], &[1.0, 1.0]), 5.0);
+        assert_eq!(measure.cosine(&[12.0, 1.0], &[12.0, -1.0]), (9.0 - 16.0) / 25.0);
+        // 3·12/16 + 4·1/(1/16) in the direction (12, 1), and nothing across it.
+        let normal = measure.normal(&[12.0, 1.0]);
+        assert!((normal[0] - 0.75 / 0.75_f64.hypot(16.0)).abs() < 1e-15);
+        assert!((normal[0] * 16.0 - normal[1] * 0.75).abs() < 1e-14);
+    }
+
     /// Which of these arms are repeated; errors of points are 1e-3.
     fn gone(arms: &[Known<'_>]) -> Option<Vec<bool>> {
         let list: Vec<Found> = arms.iter().map(|a| found(a.0, a.1, a.2)).collect();

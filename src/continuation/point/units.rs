@@ -246,3 +246,46 @@ pub(super) fn power(size: f64) -> f64 {
         false => 1.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{changes, own_sizes, sizes};
+    use crate::continuation::point::units::Units;
+    use crate::continuation::testing::Plane;
+    use crate::piecewise::Selection;
+    use crate::sparse::Matrix;
+
+    fn sizes_of(rows: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
+        let jac = Matrix::from_rows(rows).unwrap();
+        sizes(&jac, changes(&jac, [&jac, &jac], 0.0), x, &own_sizes(x))
+    }
+
+    /// Values tell sizes; of variables that are 0 the rows do, relative to the others, or to 1 where all are 0.
+    #[test]
+    fn sizes_are_told_by_values_and_rows() {
+        // The terms of the row are 2e8 together.
+        assert_eq!(sizes_of(&[vec![1.0, -1.0]], &[1e8, 1e8]), [2.0_f64.powi(28); 2]);
+        // y = 2²⁰ α: α is 2²⁰ times smaller than y.
+        let row = [vec![1.0, -2.0_f64.powi(20)]];
+        for (x, expected) in [
+            ([1024.0, 0.0], [1024.0, 2.0_f64.powi(-10)]),
+            ([0.0, 1.0], [2.0_f64.powi(20), 1.0]),
+            ([0.0, 0.0], [1024.0, 2.0_f64.powi(-10)]),
+        ] {
+            assert_eq!(sizes_of(&row, &x), expected, "{x:?}");
+        }
+        // An entry that is rounding of its row over these values says nothing.
+        assert_eq!(sizes_of(&[vec![1e-17, 1.0]], &[1.0, 1.0]), [1.0, 1.0]);
+    }
+
+    /// Rates of α up to 1e-9 of a tangent are rounding where columns are balanced, within a factor of two.
+    #[test]
+    fn directions_are_known_above_rounding() {
+        let map = Plane::within(|y, a| [y - 1024.0 * a, 1.0, -1024.0], &[]);
+        let selection = Selection::uniform(1, 0);
+        for (rate, expected) in [(3e-12, 1), (-3e-12, -1), (3e-13, 0), (-3e-13, 0), (0.0, 0)] {
+            let mut units = Units::new(&map, &selection, &[1024.0, 1.0]);
+            assert_eq!(units.direction(&[1.0, rate]), expected, "{rate}");
+        }
+    }
+}
