@@ -20,7 +20,7 @@ const APART: f64 = 1.0 / 1024.0;
 /// Number of points beside the given one from which everything is computed again.
 const BESIDE: usize = 2;
 /// Times that sizes are found from changes of the Jacobian over the sizes before: where only a square tells the size of a variable that is 0,
-/// each time takes three of four digits by which it is off, and numbers have 308.
+/// each time takes three of four digits by which it is off, and 4⁸ digits are more than numbers have.
 const PASSES: usize = 8;
 
 /// Highest order of the coefficients.
@@ -391,4 +391,47 @@ fn bases(x: &[f64], units: &[f64], off: f64) -> Vec<Vec<f64>> {
         bases.push(beside.collect());
     }
     bases
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Extension, Frame};
+    use crate::continuation::testing::{Function, Plane};
+    use crate::piecewise::Selection;
+
+    fn units(function: Function, x: [f64; 2]) -> Vec<f64> {
+        let map = Plane::smooth(function);
+        let frame = Frame {
+            map: &map,
+            x: &x,
+            vanishing: &[],
+            tests: 0,
+            met: &[],
+            theta: &[],
+        };
+        Extension::new(&frame, &Selection::uniform(1, 0)).unwrap().units
+    }
+
+    /// Where both variables are 0 their sizes have the product 1 and make both terms of a row equal, up to a factor of two; where H is
+    /// homogeneous in a variable that is 0 nothing tells its size.
+    #[test]
+    fn units_are_told_by_the_terms_of_a_row() {
+        const FAR: f64 = (1_u64 << 40) as f64;
+        // (y / 2⁴⁰)² = 2⁴⁰ α, and with a cube: y = 2⁴⁰ and α = 2⁻⁴⁰ give 1 = 1.
+        let square: Function = |y, a| {
+            let z = y / FAR;
+            [z * z - FAR * a, 2.0 * z / FAR, -FAR]
+        };
+        let cube: Function = |y, a| {
+            let z = y / FAR;
+            [z * z * z - FAR * a, 3.0 * z * z / FAR, -FAR]
+        };
+        for function in [square, cube] {
+            let found = units(function, [0.0, 0.0]);
+            let near = |a: f64, b: f64| (0.25..=4.0).contains(&(a / b));
+            assert!(near(found[0], FAR) && near(found[1], FAR.recip()), "{found:?}");
+        }
+        let homogeneous: Function = |y, a| [y * (a - 300.0), a - 300.0, y];
+        assert_eq!(units(homogeneous, [0.0, 5.0]), [1.0, 4.0]);
+    }
 }

@@ -19,6 +19,7 @@ use crate::piecewise::{
 };
 use crate::sparse::{Matrix, Pattern, dot, norm};
 use crate::spread::centred;
+use crate::tolerances::TANGENTIAL;
 
 /// Largest number of facets that a path passes: a multiple of the number of sites at their kinks, and a constant. Paths pass each facet
 /// about once unless they turn back and forth.
@@ -26,9 +27,6 @@ const PASSES: usize = 20;
 /// How far behind the point the path of an arm of arrival begins, in lengths of the perturbation: there it runs in the cell of that arm,
 /// unless the arm makes an angle below 1e-6 with a facet.
 const BEHIND: f64 = 1e6;
-/// Rate of a test function, relative to its gradient and the direction, below which a direction does not approach its facet.
-const TANGENTIAL: f64 = 1e-9;
-
 /// Stands for the value of a test function, relative to its gradient, beyond the facet that is being crossed: larger than all others.
 const CROSSED: f64 = 1e200;
 

@@ -3,18 +3,11 @@
 use crate::judge::equilibrate;
 use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing};
 use crate::sparse::{Matrix, norm};
-
-/// Rate of a test function, relative to its gradient, up to which a direction runs inside the facet.
-const TANGENTIAL: f64 = 1e-9;
-
-/// Entries of ∇H smaller than this fraction of the largest one in their row may be rounding errors: they determine no units.
-const ROUNDING: f64 = 1e-13;
+use crate::tolerances::{LEFT, ROUNDING, TANGENTIAL};
 
 /// Share of the balanced size of a variable below which its value is a rounding error of 0: 2⁻³⁰ leaves room for units that are 10⁸ apart,
 /// and is far above rounding of points of ordinary size.
 const NOTHING: f64 = 1.0 / 1_073_741_824.0;
-/// Roundings of the largest term of a row up to which an entry times the size of its variable may be a rounding error.
-const SAFETY: f64 = 64.0;
 
 /// Lengths of vectors depend on the units of the variables: what is small in badly scaled units need not be small. Rates and values of test
 /// functions that count as zero have to be small in the units of ∇H^(σ), too, in which the entries of its columns are of one size.
@@ -127,7 +120,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
         let entries = gradient.iter().zip(&self.units).zip(&self.unseen);
         let known = largest(&mut entries.filter(|e| !e.1).map(|((g, d), _)| (g * d).abs()));
-        let rounding = ROUNDING * largest(&mut gradient.iter().map(|g| g.abs()));
+        let rounding = LEFT * largest(&mut gradient.iter().map(|g| g.abs()));
         for ((g, d), _) in gradient
             .iter()
             .zip(&mut self.units)
@@ -151,7 +144,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         self.sizes = sizes(&jac, still, self.x, &own_sizes(self.x));
         let (mut row, mut largest) = (vec![1.0; jac.nrows()], vec![0.0f64; jac.nrows()]);
         (jac.triplets()).for_each(|(i, _, v)| largest[i] = largest[i].max(v.abs()));
-        let kept = |(i, _, v): (usize, usize, f64)| if v.abs() < ROUNDING * largest[i] { 0.0 } else { v };
+        let kept = |(i, _, v): (usize, usize, f64)| if v.abs() < LEFT * largest[i] { 0.0 } else { v };
         let values: Vec<f64> = jac.triplets().map(kept).collect();
         jac.values_mut().copy_from_slice(&values);
         self.units.resize(jac.ncols(), 1.0);
@@ -188,27 +181,44 @@ pub(super) fn own_sizes(x: &[f64]) -> Vec<f64> {
 }
 
 /// The size of each variable, a power of two: its own, the change that rounding of the terms of a row cannot tell from it, or the size in
-/// which columns of the Jacobian, or of its changes, are balanced, whichever is largest. Balanced sizes are known up to a common factor: it is
-/// that of the variables that are no rounding errors of 0, and their geometric mean is 1 where all are.
+/// which columns of the Jacobian, or of its changes over the sizes `before`, are balanced, whichever is largest. Balanced sizes are known
+/// up to a common factor: it is that of the variables that are no rounding errors of 0, and their geometric mean is 1 where all are.
 pub(super) fn sizes(jac: &Matrix, mut changes: Matrix, x: &[f64], before: &[f64]) -> Vec<f64> {
-    // Of variables that are not 0, entries that are rounding errors of their row over these sizes say nothing.
+    // Only of variables that are not 0: the sizes of others are not known before.
     let known = |j: usize| x[j].abs() > NOTHING;
-    let mut largest = vec![0.0_f64; jac.nrows()];
-    (changes.triplets().filter(|e| known(e.1)))
-        .for_each(|(i, j, v)| largest[i] = largest[i].max(v * before[j]));
-    let noise =
-        |(i, j, v): (usize, usize, f64)| known(j) && v * before[j] <= SAFETY * f64::EPSILON * largest[i];
-    let kept: Vec<f64> = changes
-        .triplets()
-        .map(|e| if noise(e) { 0.0 } else { e.2 })
-        .collect();
-    changes.values_mut().copy_from_slice(&kept);
+    drop_rounding(&mut changes, before, known);
     let mut told = vec![false; x.len()];
     (changes.triplets()).for_each(|(_, j, v)| told[j] |= v > 0.0);
+    let own = own_changes(jac, &changes, x);
+    let balanced = balanced_columns(&changes);
+    let ratio = |j: &usize| own[*j] / balanced[*j];
+    let all = || (0..x.len()).filter(|j| told[*j]);
+    let most = all().map(|j| ratio(&j)).fold(1.0, f64::max);
+    let common = geometric_mean(all().map(|j| ratio(&j)).filter(|r| *r > NOTHING * most));
+    let size = |j: usize| match told[j] || !known(j) {
+        true => own[j].max(common * balanced[j]),
+        false => own[j],
+    };
+    (0..x.len()).map(|j| power(size(j))).collect()
+}
 
+/// Sets entries to 0 that are rounding errors of their row over the sizes of the variables: they say nothing of these.
+fn drop_rounding(entries: &mut Matrix, sizes: &[f64], known: impl Fn(usize) -> bool) {
+    let mut largest = vec![0.0_f64; entries.nrows()];
+    (entries.triplets().filter(|e| known(e.1)))
+        .for_each(|(i, j, v)| largest[i] = largest[i].max(v * sizes[j]));
+    let rounding = |(i, j, v): (usize, usize, f64)| known(j) && v * sizes[j] <= ROUNDING * largest[i];
+    let kept: Vec<f64> = (entries.triplets())
+        .map(|e| if rounding(e) { 0.0 } else { e.2 })
+        .collect();
+    entries.values_mut().copy_from_slice(&kept);
+}
+
+/// The modulus of each variable or, where that is larger, the least change of it that the terms of a row notice.
+fn own_changes(jac: &Matrix, changes: &Matrix, x: &[f64]) -> Vec<f64> {
+    let mut own: Vec<f64> = x.iter().map(|x| x.abs()).collect();
     let mut terms = vec![0.0_f64; jac.nrows()];
-    let lengths: Vec<f64> = x.iter().map(|x| x.abs()).collect();
-    jac.as_ref().add_term_sizes(&lengths, &mut terms);
+    jac.as_ref().add_term_sizes(&own, &mut terms);
     let mut least = vec![f64::INFINITY; x.len()];
     // Entries that are far smaller than nearby are rounding errors of 0.
     for ((i, j, v), (.., near)) in jac.triplets().zip(changes.triplets()) {
@@ -216,27 +226,24 @@ pub(super) fn sizes(jac: &Matrix, mut changes: Matrix, x: &[f64], before: &[f64]
             least[j] = least[j].min(terms[i] / v.abs());
         }
     }
-    let (mut rows, mut balanced) = (vec![1.0; jac.nrows()], vec![1.0; x.len()]);
-    equilibrate(changes.as_ref(), &mut rows, &mut balanced, &mut largest);
-    let mean = |numbers: &mut dyn Iterator<Item = f64>| {
-        let (count, sum) = numbers.fold((0.0, 0.0), |(count, sum), v| (count + 1.0, sum + v.log2()));
-        (sum / f64::max(count, 1.0)).exp2()
-    };
-    let centre = mean(&mut balanced.iter().copied());
-    balanced.iter_mut().for_each(|b| *b /= centre);
-    let own = |j: usize| match least[j].is_finite() {
-        true => x[j].abs().max(least[j]),
-        false => x[j].abs(),
-    };
-    let ratio = |j: &usize| own(*j) / balanced[*j];
-    let all = || (0..x.len()).filter(|j| told[*j]);
-    let most = all().map(|j| ratio(&j)).fold(1.0, f64::max);
-    let common = mean(&mut all().map(|j| ratio(&j)).filter(|r| *r > NOTHING * most));
-    let size = |j: usize| match told[j] || !known(j) {
-        true => own(j).max(common * balanced[j]),
-        false => own(j),
-    };
-    (0..x.len()).map(|j| power(size(j))).collect()
+    let noticed = own.iter_mut().zip(least).filter(|(_, least)| least.is_finite());
+    noticed.for_each(|(own, least)| *own = own.max(least));
+    own
+}
+
+/// Factors that balance the columns of a matrix, with the geometric mean 1.
+fn balanced_columns(a: &Matrix) -> Vec<f64> {
+    let (mut rows, mut columns) = (vec![1.0; a.nrows()], vec![1.0; a.ncols()]);
+    equilibrate(a.as_ref(), &mut rows, &mut columns, &mut vec![0.0; a.nrows()]);
+    let mean = geometric_mean(columns.iter().copied());
+    columns.iter_mut().for_each(|c| *c /= mean);
+    columns
+}
+
+/// 1 where there are no numbers.
+fn geometric_mean(numbers: impl Iterator<Item = f64>) -> f64 {
+    let (count, sum) = numbers.fold((0.0_f64, 0.0), |(count, sum), v| (count + 1.0, sum + v.log2()));
+    (sum / count.max(1.0)).exp2()
 }
 
 /// The power of two nearest to a size; 1 for none.
@@ -276,6 +283,17 @@ mod tests {
         }
         // An entry that is rounding of its row over these values says nothing.
         assert_eq!(sizes_of(&[vec![1e-17, 1.0]], &[1.0, 1.0]), [1.0, 1.0]);
+    }
+
+    /// A size is a value above 2⁻³⁰, to the next power of two; other values may be 0 up to rounding.
+    #[test]
+    fn values_above_rounding_are_sizes() {
+        let power = |k: i32| 2.0_f64.powi(k);
+        assert_eq!(
+            own_sizes(&[0.0, -3.0, 1e8, 1.1 * power(-30)]),
+            [1.0, 4.0, power(27), power(-30)]
+        );
+        assert_eq!(own_sizes(&[power(-30), f64::MIN_POSITIVE]), [1.0, 1.0]);
     }
 
     /// Rates of α up to 1e-9 of a tangent are rounding where columns are balanced, within a factor of two.
