@@ -281,6 +281,9 @@ mod tests {
         ] {
             assert_eq!(sizes_of(&row, &x), expected, "{x:?}");
         }
+        // No size is smaller than its variable, and those of rows that are not coupled are of the size of all.
+        let rows = [vec![1.0, 0.0, 0.0], vec![0.0, 1.0, -1.0]];
+        assert_eq!(sizes_of(&rows, &[1024.0, 1.0, 1.0]), [1024.0, 16.0, 16.0]);
         // An entry that is rounding of its row over these values says nothing.
         assert_eq!(sizes_of(&[vec![1e-17, 1.0]], &[1.0, 1.0]), [1.0, 1.0]);
     }
