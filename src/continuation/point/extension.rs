@@ -84,7 +84,7 @@ impl<'a> Extension<'a> {
         };
         at(x, &mut jac)?;
         let (mut units, mut there) = (own_sizes(x), jac.clone());
-        let mut settled = false;
+        let (mut settled, mut nothing) = (false, vec![false; x.len()]);
         for _ in 0..PASSES {
             let away = x.iter().zip(&units).enumerate();
             let away: Vec<f64> = away
@@ -92,7 +92,8 @@ impl<'a> Extension<'a> {
                 .collect();
             at(&away, &mut there)?;
             // Halfway, in digits: sizes that only a cube or a higher power tells would swing about it.
-            let next = sizes(&jac, changes(&jac, [&there, &jac], 1.0), x, &units).into_iter();
+            let larger = changes(&jac, [&there, &jac], 1.0);
+            let next = sizes(&jac, larger, (x, &units), &mut nothing).into_iter();
             let next: Vec<f64> = next
                 .zip(&units)
                 .map(|(a, b)| power(a.sqrt() * b.sqrt()))

@@ -141,7 +141,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         let mut jac = Matrix::zeros(self.map.pattern());
         self.map.jacobian(self.selection, self.x, &mut jac);
         let still = changes(&jac, [&jac, &jac], 0.0);
-        self.sizes = sizes(&jac, still, self.x, &own_sizes(self.x));
+        let before = own_sizes(self.x);
+        self.sizes = sizes(&jac, still, (self.x, &before), &mut vec![false; self.x.len()]);
         let (mut row, mut largest) = (vec![1.0; jac.nrows()], vec![0.0f64; jac.nrows()]);
         (jac.triplets()).for_each(|(i, _, v)| largest[i] = largest[i].max(v.abs()));
         let kept = |(i, _, v): (usize, usize, f64)| if v.abs() < LEFT * largest[i] { 0.0 } else { v };
@@ -183,7 +184,13 @@ pub(super) fn own_sizes(x: &[f64]) -> Vec<f64> {
 /// The size of each variable, a power of two: its own, the change that rounding of the terms of a row cannot tell from it, or the size in
 /// which columns of the Jacobian, or of its changes over the sizes `before`, are balanced, whichever is largest. Balanced sizes are known
 /// up to a common factor: it is that of the variables that are no rounding errors of 0, and their geometric mean is 1 where all are.
-pub(super) fn sizes(jac: &Matrix, mut changes: Matrix, x: &[f64], before: &[f64]) -> Vec<f64> {
+/// `nothing` says which have been such errors so far, and stay it: where sizes are found in several passes they would swing otherwise.
+pub(super) fn sizes(
+    jac: &Matrix,
+    mut changes: Matrix,
+    (x, before): (&[f64], &[f64]),
+    nothing: &mut [bool],
+) -> Vec<f64> {
     // Only of variables that are not 0: the sizes of others are not known before.
     let known = |j: usize| x[j].abs() > NOTHING;
     drop_rounding(&mut changes, before, known);
@@ -194,7 +201,8 @@ pub(super) fn sizes(jac: &Matrix, mut changes: Matrix, x: &[f64], before: &[f64]
     let ratio = |j: &usize| own[*j] / balanced[*j];
     let all = || (0..x.len()).filter(|j| told[*j]);
     let most = all().map(|j| ratio(&j)).fold(1.0, f64::max);
-    let common = geometric_mean(all().map(|j| ratio(&j)).filter(|r| *r > NOTHING * most));
+    all().for_each(|j| nothing[j] |= ratio(&j) <= NOTHING * most);
+    let common = geometric_mean(all().filter(|j| !nothing[*j]).map(|j| ratio(&j)));
     let size = |j: usize| match told[j] || !known(j) {
         true => own[j].max(common * balanced[j]),
         false => own[j],
@@ -264,7 +272,13 @@ mod tests {
 
     fn sizes_of(rows: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
         let jac = Matrix::from_rows(rows).unwrap();
-        sizes(&jac, changes(&jac, [&jac, &jac], 0.0), x, &own_sizes(x))
+        let before = own_sizes(x);
+        sizes(
+            &jac,
+            changes(&jac, [&jac, &jac], 0.0),
+            (x, &before),
+            &mut vec![false; x.len()],
+        )
     }
 
     /// Values tell sizes; of variables that are 0 the rows do, relative to the others, or to 1 where all are 0.
