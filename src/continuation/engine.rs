@@ -34,6 +34,9 @@ pub(super) struct State {
     /// singular point is to be expected. `None` at singular points.
     #[cfg_attr(feature = "serde", serde(default))]
     pub(super) decline: Option<f64>,
+    /// A point of the curve beyond this one, known to be on this arm and no other, where first steps as long as any may end on another.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) probe: Vec<f64>,
     pub(super) residual_norm: f64,
     /// Distance from the last state, along the tangent there.
     pub(super) s: f64,

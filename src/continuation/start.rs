@@ -365,6 +365,7 @@ impl Start {
             det_sign: None,
             heading: None,
             decline: None,
+            probe: Vec::new(),
             residual_norm: 0.0,
             s: 0.0,
             x,

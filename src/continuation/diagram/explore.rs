@@ -248,15 +248,23 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         self.halted = true;
     }
 
+    /// The length of a curve that lies within a vertex at x.
+    fn width(&self, x: &[f64]) -> f64 {
+        4.0 * self.options.same_point * (1.0 + norm(x))
+    }
+
     /// Whether an arm at a bound of the parameter points outwards.
     fn leaves_range(&self, end: EdgeEnd) -> bool {
         let vertex = &self.diagram.vertices[end.vertex];
         let (lower, upper) = self.diagram.range;
-        let direction = vertex.arms[end.arm].arm.direction;
-        let near = |bound: f64| {
-            bound.is_finite() && (vertex.parameter() - bound).abs() <= 1e-12 * (1.0 + bound.abs())
-        };
-        (near(upper) && direction > 0) || (near(lower) && direction < 0)
+        let Arm {
+            direction, tangent, ..
+        } = &vertex.arms[end.arm].arm;
+        // Where the bound lies on the arm within the vertex itself, that is known no better.
+        let rate = tangent.last().map_or(0.0, |rate| rate.abs());
+        let within = rate * self.width(&vertex.x);
+        let near = |bound: f64| (vertex.parameter() - bound).abs() <= within.max(1e-12 * (1.0 + bound.abs()));
+        (near(upper) && *direction > 0) || (near(lower) && *direction < 0)
     }
 
     /// Follows a curve from a vertex until it ends or reaches a known vertex or edge.
@@ -352,10 +360,9 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
 
     /// Ends the current arc at a vertex; gives the arm on which the curve continues, unless its edge is known.
     fn meet(&mut self, arc: &mut Arc, point: Point, meeting: Meeting<'_>) -> Option<EdgeEnd> {
-        let size = 1.0 + norm(meeting.x);
         // Facets that vanish within rounding of each other are met one after the other: one vertex.
         if self.diagram.vertex_near(meeting.x) == Some(arc.from.vertex)
-            && point.arclength <= 4.0 * self.options.same_point * size
+            && point.arclength <= self.width(meeting.x)
         {
             return self.meet_again(arc.from, &meeting);
         }
@@ -503,7 +510,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         let last = arc.points.last().cloned();
         // A bound within the vertex itself.
         let least = match (&last, termination) {
-            (Some(p), Termination::ParameterRange) => 4.0 * self.options.same_point * (1.0 + norm(&p.x)),
+            (Some(p), Termination::ParameterRange) => self.width(&p.x),
             _ => 0.0,
         };
         let near = |p: &Point| self.diagram.vertex_near(&p.x) == Some(from.vertex);

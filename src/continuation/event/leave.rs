@@ -36,8 +36,10 @@ impl Curve<'_> {
         self.here.heading = Some(arm.direction);
         self.linearize_here()?;
         self.find_coactive()?;
+        self.here.probe.clear();
         if !arm.probe.is_empty() && !self.map.is_piecewise_affine() {
             self.take_signs_at(&arm.probe)?;
+            self.here.probe.extend_from_slice(&arm.probe);
         }
         Ok(())
     }
@@ -134,6 +136,14 @@ impl Curve<'_> {
         // Where the Jacobian is constant, its factorisation has shown that already.
         let affine = self.map.is_piecewise_affine();
         Ok(!affine && self.search(&[]).is_singular(selection)?)
+    }
+
+    /// The same at `next`.
+    pub(super) fn is_singular_next(&mut self, selection: &Selection) -> Result<bool, ContinuationError> {
+        std::mem::swap(&mut self.here, &mut self.next);
+        let singular = self.is_singular_here(selection);
+        std::mem::swap(&mut self.here, &mut self.next);
+        singular
     }
 
     /// Resets the orientation where a curve leaves a branch point along an arm on which no other point is known.

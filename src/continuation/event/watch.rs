@@ -195,7 +195,12 @@ impl Curve<'_> {
             let (x, t) = (self.next.x.clone(), self.next.t.clone());
             for k in 0..self.coactive.len() {
                 let (selection, sign) = self.coactive[k].clone();
-                if sign.is_some() && self.orientation_of(&selection, &x, &t)? != sign {
+                // Where both are singular at one point, nothing tells the sign there.
+                let together = located.last() == Some(&Monitor::Singular);
+                if sign.is_some()
+                    && self.orientation_of(&selection, &x, &t)? != sign
+                    && !(together && self.is_singular_next(&selection)?)
+                {
                     offer(0.5, Monitor::Coactive(k));
                 }
             }

@@ -12,10 +12,18 @@ const FADING: f64 = 0.5;
 const SAFETY: f64 = 10.0;
 
 impl Curve<'_> {
-    /// Predicts and corrects; fills `next` if the corrected point is acceptable.
-    pub(super) fn try_step(&mut self, h: f64) -> Result<Option<Accepted>, ContinuationError> {
-        for i in 0..self.here.x.len() {
-            self.next.x[i] = self.here.x[i] + h * self.here.t[i];
+    /// Predicts, unless a prediction is given, and corrects; fills `next` if the corrected point is acceptable.
+    pub(super) fn try_step(
+        &mut self,
+        h: f64,
+        prediction: Option<&[f64]>,
+    ) -> Result<Option<Accepted>, ContinuationError> {
+        match prediction {
+            Some(x) => self.next.x.copy_from_slice(x),
+            None => {
+                let along = self.here.x.iter().zip(&self.here.t).map(|(x, t)| x + h * t);
+                self.next.x.iter_mut().zip(along).for_each(|(next, x)| *next = x);
+            }
         }
         self.next.t.copy_from_slice(&self.here.t);
         let o = &self.options;
@@ -100,7 +108,7 @@ mod tests {
         for k in 1..50 {
             curve.row_sizes = vec![0.0];
             let h = 1e-3 * f64::from(k);
-            assert!(curve.try_step(h).unwrap().is_some(), "{h}");
+            assert!(curve.try_step(h, None).unwrap().is_some(), "{h}");
             assert!((curve.next.x[0] - curve.next.x[1].exp_m1()).abs() < 1e-15);
         }
     }

@@ -66,17 +66,23 @@ impl Curve<'_> {
     fn step(&mut self) -> Result<(), ContinuationError> {
         // With the factors at hand.
         self.find_heading()?;
-        let mut h = self.h.min(self.options.max_step);
         let room = self.options.max_arclength - self.arclength;
+        let mut limit = self.options.max_step;
         if room > 0.0 {
-            h = h.min(room.max(self.options.min_step));
+            limit = limit.min(room.max(self.options.min_step));
         }
+        let mut h = self.h.min(limit);
         let longest = h;
         let leaves_singular = self.here.decline.is_none();
         if leaves_singular {
             // No estimate ahead is available.
             h = (FIRST * h).max(self.options.min_step);
         }
+        // Next to a point where arms meet, rounding does not tell them apart: the first step ends where it does.
+        let probe = std::mem::take(&mut self.here.probe);
+        let mut ahead = (!probe.is_empty()).then(|| self.progress_to(&probe));
+        ahead = ahead.filter(|s| *s > 0.0 && *s <= limit);
+        h = ahead.unwrap_or(h);
         let (mut rejected, mut crossing) = (0, false);
         loop {
             if h < self.options.min_step {
@@ -93,14 +99,14 @@ impl Curve<'_> {
             if let Some(Accepted {
                 corrections,
                 curvature,
-            }) = self.try_step(h)?
+            }) = self.try_step(h, ahead.map(|_| probe.as_slice()))?
             {
                 match self.event_inside()? {
                     Ok(first) => {
                         self.h = if rejected > 0 || corrections > EASY {
                             h
                         } else if leaves_singular {
-                            longest
+                            longest.max(h)
                         } else {
                             (h * self.options.growth).min(self.options.max_step)
                         };
@@ -122,6 +128,7 @@ impl Curve<'_> {
                 self.creeping = 0;
                 return self.arrive(Some(event), 0);
             }
+            ahead = None;
             h *= self.options.shrink;
             rejected += 1;
             self.termination = self.is_over();
