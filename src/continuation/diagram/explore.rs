@@ -263,7 +263,9 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         // Where the bound lies on the arm within the vertex itself, that is known no better.
         let rate = tangent.last().map_or(0.0, |rate| rate.abs());
         let within = rate * self.width(&vertex.x);
-        let near = |bound: f64| (vertex.parameter() - bound).abs() <= within.max(1e-12 * (1.0 + bound.abs()));
+        let near = |bound: f64| {
+            bound.is_finite() && (vertex.parameter() - bound).abs() <= within.max(1e-12 * (1.0 + bound.abs()))
+        };
         (near(upper) && *direction > 0) || (near(lower) && *direction < 0)
     }
 

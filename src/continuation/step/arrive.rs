@@ -24,6 +24,7 @@ impl Curve<'_> {
         self.arclength += step;
         std::mem::swap(&mut self.here, &mut self.next);
         self.here.s = 0.0;
+        self.here.probe.clear();
         self.forget_facets_left()?;
         self.refresh_sides();
         let arrival = (!self.watches.is_empty()).then(|| self.here.t.clone());

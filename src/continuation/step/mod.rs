@@ -78,9 +78,9 @@ impl Curve<'_> {
             // No estimate ahead is available.
             h = (FIRST * h).max(self.options.min_step);
         }
-        // Next to a point where arms meet, rounding does not tell them apart: the first step ends where it does.
+        // Next to a singular point rounding does not tell arms apart: the first step ends where it does.
         let probe = std::mem::take(&mut self.here.probe);
-        let mut ahead = (!probe.is_empty()).then(|| self.progress_to(&probe));
+        let mut ahead = (leaves_singular && !probe.is_empty()).then(|| self.progress_to(&probe));
         ahead = ahead.filter(|s| *s > 0.0 && *s <= limit);
         h = ahead.unwrap_or(h);
         let (mut rejected, mut crossing) = (0, false);
