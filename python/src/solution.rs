@@ -10,7 +10,8 @@ use semismooth::contact::{
     self, Arrival, EvolutionOptions, EvolutionProgress, LocalValues, ReducedLevel, ReducedOptions,
 };
 use semismooth::continuation::ContinuationOptions;
-use semismooth::fem::ElasticSystem;
+use semismooth::fem::{ElasticSystem, von_mises_stress};
+use semismooth::output::{BodyPicture, SegmentStyle};
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sensitivity::{Sensitivity, SensitivityError};
 
@@ -384,6 +385,25 @@ impl ContactSolution {
         slf.py()
             .import("semismooth._meshes")?
             .call_method1("cell_data", (slf,))
+    }
+
+    /// A picture of the deformed body, as text of an SVG file: displacements times ``magnification``, cells in the colour of their stress of
+    /// von Mises, contact nodes in that of their state. Bodies in space are seen from below, where they touch the ground.
+    #[pyo3(signature = (*, magnification=1.0))]
+    fn to_svg(&self, py: Python<'_>, magnification: f64) -> PyResult<String> {
+        let (body, _) = self.system(py, "pictures")?;
+        let system = &body.get().system;
+        let nodes = &self.problem.get().origin.rows("pictures")?.nodes;
+        let moved = self.all_displacements(system)?;
+        let stresses = system.stresses(&self.free, &self.supports).map_err(raised)?;
+        let mut picture = BodyPicture::new(system.mesh())
+            .with_displacements(moved, magnification)
+            .with_view(-60.0, -20.0)
+            .with_field("von Mises stress", stresses.iter().map(von_mises_stress).collect());
+        for (&node, &state) in nodes.iter().zip(&self.solution.states) {
+            picture = picture.with_mark(node, SegmentStyle::contact(state, false));
+        }
+        picture.to_svg().map_err(raised)
     }
 
     /// The mesh of the body with all fields, as a mesh of meshio: ``solution.to_meshio().write("solution.vtu")``.

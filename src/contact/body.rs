@@ -7,7 +7,7 @@ use crate::InputError;
 use crate::clock::Until;
 use crate::input::{check_length, check_vector};
 use crate::interface::{LoadPath, Operator};
-use crate::linear::{Cholesky, Condensation, LinearSolver};
+use crate::linear::{Cholesky, Condensation, LinearError, LinearSolver};
 use crate::sparse::{Matrix, NodalMatrix, check_nodes, pieces};
 
 /// Number of dense matrices of the size of C that a search for a solution allocates: Jacobians with the indices of their entries, and
@@ -39,6 +39,8 @@ pub struct ContactBody {
     pub(super) gap: Vec<f64>,
     /// Positions of the nodes, where known.
     pub(super) nodes: Option<Arc<Nodes>>,
+    /// That of the body itself, where `operator` is that of the body on [anchors](Self::anchored).
+    pub(super) floating: Option<Arc<Operator>>,
 }
 
 /// Positions of nodes, and the node and component of each displacement.
@@ -84,6 +86,7 @@ impl ContactBody {
             operator: Arc::new(Operator::new(a, &stacked, load)?),
             gap: vec![0.0; p],
             nodes: None,
+            floating: None,
         };
         body.hold();
         Ok(body)
@@ -126,6 +129,7 @@ impl ContactBody {
     /// # Errors
     /// Wrong lengths, values that are negative or not finite.
     pub fn with_compliance(mut self, normal: &[f64], tangential: &[f64]) -> Result<Self, ContactError> {
+        self = self.released();
         let p = self.num_contacts();
         for (what, list) in [
             ("the normal compliance", normal),
@@ -186,6 +190,7 @@ impl ContactBody {
     /// Wrong length, values that are not finite.
     pub fn with_gap(mut self, gap: Vec<f64>) -> Result<Self, ContactError> {
         check_vector("the gap", &gap, self.num_contacts())?;
+        self = self.released();
         Arc::make_mut(&mut self.operator).set_sizes(&gap);
         self.gap = gap;
         Ok(self)
@@ -196,6 +201,7 @@ impl ContactBody {
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn with_load(mut self, load: LoadPath) -> Result<Self, ContactError> {
+        self = self.released();
         let mut operator = self.operator.with_load(load)?;
         operator.set_sizes(&self.gap);
         self.operator = Arc::new(operator);
@@ -240,7 +246,7 @@ impl ContactBody {
     /// 1 in the plane, 2 in space.
     #[must_use]
     pub fn num_tangents(&self) -> usize {
-        self.operator.num_traces() / self.num_contacts() - 1
+        (self.operator.num_traces() - self.anchors().len()) / self.num_contacts() - 1
     }
 
     /// The initial gaps.
@@ -252,7 +258,7 @@ impl ContactBody {
     /// The stiffness matrix A.
     #[must_use]
     pub fn stiffness(&self) -> &Matrix {
-        &self.operator.a
+        &self.floating.as_ref().unwrap_or(&self.operator).a
     }
 
     /// Bytes that the [condensed form](super::CondensedContact) takes in addition to the body, by an estimate made before they are
@@ -268,8 +274,13 @@ impl ContactBody {
     }
 
     /// Why the stiffness matrix is not positive definite, if the reason is a zero-energy motion or a single connected part of the body.
-    pub(super) fn indefinite_piece(&self) -> Option<ContactError> {
-        let a = &self.operator.a;
+    pub(super) fn refused(&self) -> ContactError {
+        self.indefinite_piece()
+            .unwrap_or(LinearError::NotPositiveDefinite.into())
+    }
+
+    fn indefinite_piece(&self) -> Option<ContactError> {
+        let a = self.stiffness();
         let nodal = self.nodes.as_deref().and_then(|nodes| {
             let dim = 1 + self.num_tangents();
             NodalMatrix::new(a, nodes.points.clone(), &nodes.displacements, dim).ok()
@@ -323,8 +334,7 @@ impl ContactBody {
     pub(super) fn under(&self, load: LoadPath) -> Result<Self, ContactError> {
         Ok(Self {
             operator: Arc::new(self.operator.with_load(load)?),
-            gap: self.gap.clone(),
-            nodes: self.nodes.clone(),
+            ..self.clone()
         })
     }
 

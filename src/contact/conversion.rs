@@ -17,6 +17,7 @@ impl<L: NodeLaw> CondensedContact<L> {
     /// [`ContactError::NotCoulomb`] unless the law is Coulomb's with coefficients that do not depend on the slip.
     pub fn delassus(&self, alpha: f64) -> Result<DelassusProblem, ContactError> {
         check_finite("the parameter", &[alpha])?;
+        self.check_supported()?;
         let (p, q, blocks) = (self.num_contacts(), self.num_traces(), self.law().directions());
         let (friction, scale) = self.delassus_scale(alpha)?;
         let free = self.free_motion(alpha)?;
@@ -47,6 +48,7 @@ impl<L: NodeLaw> CondensedContact<L> {
     /// As [`delassus`](Self::delassus); wrong length, values that are not finite.
     pub fn point_of_reactions(&self, alpha: f64, r: &[f64]) -> Result<Vec<f64>, ContactError> {
         let (p, q, blocks) = (self.num_contacts(), self.num_traces(), self.law().directions());
+        self.check_supported()?;
         check_vector("the reactions", r, q)?;
         check_finite("alpha", &[alpha])?;
         let (_, scale) = self.delassus_scale(alpha)?;

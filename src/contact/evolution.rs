@@ -282,11 +282,11 @@ fn evolve_told<V: View, L: NodeLaw>(
     }
     check_finite("the list of load levels", levels)?;
     check_vector("the solution x", start, problem.num_vars())?;
-    let p = problem.num_contacts();
     let mut x = start.to_vec();
     if options.slip_increments {
         let reference = problem.traces(&x)?;
-        problem.set_reference_slip(&reference[p..])?;
+        let reference = problem.tangential(&reference).to_vec();
+        problem.set_reference_slip(&reference)?;
     } else {
         problem.end_level(&x)?;
     }
@@ -306,7 +306,8 @@ fn evolve_told<V: View, L: NodeLaw>(
             break;
         };
         if options.slip_increments {
-            problem.set_reference_slip(&step.displacements[p..])?;
+            let reference = problem.tangential(&step.displacements).to_vec();
+            problem.set_reference_slip(&reference)?;
         } else {
             problem.end_level(&step.x)?;
         }

@@ -3,7 +3,7 @@
 use super::per_node::PerNode;
 use super::{ContactBody, NodeLaw};
 use crate::exact::Exact;
-use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite};
+use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, PiecewiseSmooth};
 
 impl<L: NodeLaw> PerNode<L> {
     /// Whether law and body are planar, with coefficients of friction affine in α.
@@ -22,14 +22,14 @@ impl<L: NodeLaw> PerNode<L> {
 
     /// gap − u_ν, then −u_t less its reference, as forms in (v, λ).
     fn opposite(&self) -> Option<Vec<ExactForm>> {
-        let q = 2 * self.body.num_contacts();
+        let q = self.num_residuals();
         let form = |k: usize| {
             let mut form = ExactForm::zero(2 * q);
             form.constant = Exact::new(at_rest(&self.body, &self.reference, k))?;
             form.coefficients[k] = -&Exact::one();
             Some(form)
         };
-        (0..q).map(form).collect()
+        (0..self.own_traces()).map(form).collect()
     }
 }
 
@@ -42,7 +42,8 @@ impl<L: NodeLaw> ExactPieces for PerNode<L> {
     fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
         let friction = self.exact_friction(alpha)?;
         let opposite = self.opposite()?;
-        let (p, q) = (friction.len(), opposite.len());
+        let (p, q) = (friction.len(), self.num_residuals());
+        let at_anchor = |k: usize| ExactForm::unknown(2 * q, k, Exact::default());
         let site = |i: usize| {
             let force = |k: usize, shift: Exact| ExactForm::unknown(2 * q, q + k, shift);
             let traces = [opposite[i].clone(), opposite[p + i].clone()];
@@ -52,16 +53,17 @@ impl<L: NodeLaw> ExactPieces for PerNode<L> {
         };
         Some(ExactConditions {
             unknowns: 2 * q,
-            common: Vec::new(),
+            common: (self.own_traces()..q).map(at_anchor).collect(),
             sites: (0..p).map(site).collect::<Option<_>>()?,
             bounds: Vec::new(),
         })
     }
 
-    /// λᵀ (v − v₀) ≥ 0: contact and friction forces dissipate energy, unless there is tension.
+    /// λᵀ (v − v₀) ≥ 0: contact and friction forces dissipate energy, unless there is tension. Of a body without supports the compliance is
+    /// not definite: this bounds nothing.
     fn passive(&self, _alpha: f64) -> Option<Vec<ExactForm>> {
         let mut nodes = 0..self.body.num_contacts();
-        if nodes.any(|node| self.law.tension(node) != 0.0) {
+        if nodes.any(|node| self.law.tension(node) != 0.0) || !self.body.anchors().is_empty() {
             return None;
         }
         self.opposite()

@@ -56,7 +56,7 @@ impl ContactForm {
 pub enum ContactProblem<L> {
     /// x = (u, λν, λt₁[, λt₂], α).
     Full(Box<FullContact<L>>),
-    /// x = (λν, λt₁[, λt₂], α).
+    /// x = (λν, λt₁[, λt₂], α), for bodies that contact alone holds (λν, λt₁[, λt₂], c, α).
     Condensed(Box<CondensedContact<L>>),
     /// u.
     Displacements(Box<ReducedContact<L>>),
@@ -119,10 +119,10 @@ impl<L: NodeLaw> ContactProblem<L> {
                 (u.to_vec(), forces.to_vec(), solution)
             }
             Self::Condensed(problem) => {
-                let start = start.map(|s| [&s.forces[..], &[s.parameter]].concat());
+                let start = start.map(|s| problem.body().point_of(&s.displacements, &s.forces, s.parameter));
                 let mut x = problem.solve(alpha, start.as_deref())?;
                 let (u, solution) = (problem.displacements(&x)?, problem.solution(&x)?);
-                x.pop();
+                x.truncate(problem.law().own_traces());
                 (u, x, solution)
             }
             Self::Displacements(problem) => {

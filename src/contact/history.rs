@@ -172,9 +172,9 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> HistorySensitivity<V, 
     fn level(&self, level: usize) -> Result<ContactSensitivity<V>, ContactError> {
         let mut problem = self.problem.clone();
         if level > 0 {
-            let p = problem.num_contacts();
             let traces = problem.traces(&self.states[level - 1])?;
-            problem.set_reference_slip(&traces[p..])?;
+            let reference = problem.tangential(&traces).to_vec();
+            problem.set_reference_slip(&reference)?;
         }
         let parameters = self.parameters[level].with_references();
         problem.sensitivity(&self.states[level], &parameters)

@@ -69,7 +69,13 @@ impl<L: NodeLaw> PerNode<L> {
         1 + self.body.num_tangents()
     }
 
+    /// Those of the contact nodes, then those of the [anchors](ContactBody::anchored), which the law keeps at 0.
     fn num_traces(&self) -> usize {
+        self.own_traces() + self.body.anchors().len()
+    }
+
+    /// Those of the contact nodes.
+    pub(super) fn own_traces(&self) -> usize {
         self.directions() * self.body.num_contacts()
     }
 
@@ -251,11 +257,16 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
 
     fn pattern(&self) -> Pattern {
         let (p, q, blocks) = (self.body.num_contacts(), self.num_traces(), self.directions());
+        let own = self.own_traces();
         let mut columns: Vec<Vec<usize>> = Vec::with_capacity(2 * q + self.parameters);
         for k in 0..2 * q {
-            columns.push((0..blocks).map(|block| block * p + k % p).collect());
+            columns.push(match (k < q, k % q) {
+                (_, k) if k < own => (0..blocks).map(|block| block * p + k % p).collect(),
+                (true, k) => vec![k],
+                (false, _) => Vec::new(),
+            });
         }
-        columns.extend((0..self.parameters.min(2)).map(|_| (0..q).collect()));
+        columns.extend((0..self.parameters.min(2)).map(|_| (0..own).collect()));
         if self.parameters > 2 {
             let own = |i: usize| (0..blocks).map(|block| block * p + i).collect();
             columns.truncate(2 * q + 1);
@@ -283,11 +294,16 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
                 out[block * p + i] = *value;
             }
         });
+        let anchors = self.own_traces()..self.num_traces();
+        out[anchors.clone()].copy_from_slice(&z[anchors]);
     }
 
     fn jacobian(&self, selection: &Selection, z: &[f64], jac: &mut Matrix) {
         for i in 0..self.body.num_contacts() {
             self.add_rows(i, selection.piece(i), z, jac);
+        }
+        for k in self.own_traces()..self.num_traces() {
+            jac.add(k, k, 1.0);
         }
     }
 

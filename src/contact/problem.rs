@@ -66,7 +66,7 @@ impl<L: NodeLaw> FullContact<L> {
     /// # Errors
     /// A law of another dimension.
     pub fn new(body: ContactBody, law: L) -> Result<Self, ContactError> {
-        Self::of(body, law, |_| Ok(FullView))
+        Self::of(body.released(), law, |_| Ok(FullView))
     }
 
     /// Sets the initial gap of each contact node: u_ν ≤ gap.
@@ -115,12 +115,16 @@ impl FullContact<PlanarCoulomb> {
 impl<L: NodeLaw> CondensedContact<L> {
     /// Condenses a body. r as in full form.
     ///
+    /// Of a body that contact or friction alone holds, so that A is only semidefinite with the k motions R without energy, there are k
+    /// further unknowns before α: x = (λ, c, α), u = A⁺ (f − Bᵀ λ) + R c, and k rows of balance, Rᵀ (f − Bᵀ λ) = 0, after those of the law.
+    /// c are the displacements of k points. Solutions, transitions and signs of determinants are those of the full form.
+    ///
     /// # Complexity
     /// That of [`Condensation::new`](crate::linear::Condensation::new) with q = 2p in the plane and 3p in space.
     ///
     /// # Errors
-    /// A law of another dimension, A that is not symmetric or not positive definite ([`ContactError::Unsupported`] names the piece, where
-    /// there are several).
+    /// A law of another dimension, A that is not symmetric or has an eigenvalue below 0; motions without energy that contact does not see
+    /// ([`ContactError::Unsupported`] names the piece, where there are several).
     pub fn new(body: ContactBody, law: L) -> Result<Self, ContactError> {
         Self::within(body, law, None, None)
     }
@@ -152,12 +156,25 @@ impl<L: NodeLaw> CondensedContact<L> {
                 difference,
             }));
         }
-        Self::of(body, law, |body| {
-            CondensedView::within(&body.operator, until).map_err(|e| match e {
-                LinearError::NotPositiveDefinite => body.indefinite_piece().unwrap_or(e.into()),
-                e => e.into(),
-            })
-        })
+        check_law(&law, body.num_tangents(), body.num_contacts())?;
+        let view = match CondensedView::within(&body.operator, until) {
+            Err(LinearError::NotPositiveDefinite) => {
+                let Some(anchored) = body.anchored() else {
+                    return Err(body.refused());
+                };
+                match CondensedView::within(&anchored.operator, until) {
+                    Err(LinearError::NotPositiveDefinite) => return Err(body.refused()),
+                    view => return Self::of(anchored, law, |_| Ok(view?)),
+                }
+            }
+            view => view?,
+        };
+        Self::of(body, law, |_| Ok(view))
+    }
+
+    /// As [`new`](Self::new), for bodies that are supported without contact alone.
+    pub(super) fn of_supported(body: ContactBody, law: L) -> Result<Self, ContactError> {
+        Self::of(body, law, |body| Ok(CondensedView::new(&body.operator)?))
     }
 
     /// The displacements of the contact nodes without contact forces, w(α), in the order of [`compliance`](Self::compliance).
@@ -183,9 +200,17 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         let operator = Arc::clone(&body.operator);
         let mut nodes = PerNode::new(Arc::new(body), law);
         if let Some(reduced) = view.reduced() {
-            nodes.stiffness = reduced.stiffness();
+            nodes.stiffness = reduced.stiffness(nodes.own_traces());
         }
         Ok(Interface::with_view(operator, view, nodes)?)
+    }
+
+    /// Refuses condensed bodies without supports, whose compliance is not definite.
+    pub(super) fn check_supported(&self) -> Result<(), ContactError> {
+        match self.body().anchors().is_empty() {
+            true => Ok(()),
+            false => Err(self.body().refused()),
+        }
     }
 
     /// Sets the augmentation parameter r > 0 (force per length), at first chosen from the stiffness of the contact nodes. The iterates of
@@ -248,14 +273,19 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// Wrong length, values that are not finite.
     pub fn end_level(&mut self, x: &[f64]) -> Result<(), ContactError> {
         check_vector("the solution x", x, self.num_vars())?;
-        let (p, h) = (self.num_contacts(), self.law.law.num_history());
+        let h = self.law.law.num_history();
         for v in self.nodes(x) {
             let own = &mut self.law.history[v.node * h..(v.node + 1) * h];
             self.law.law.update(&v, own);
         }
         let traces = self.traces(x)?;
-        self.law.reference.copy_from_slice(&traces[p..]);
-        Ok(())
+        let reference = self.tangential(&traces).to_vec();
+        self.set_reference_slip(&reference)
+    }
+
+    /// The tangential ones of all traces.
+    pub(super) fn tangential<'t>(&self, traces: &'t [f64]) -> &'t [f64] {
+        &traces[self.num_contacts()..self.law.own_traces()]
     }
 
     /// The augmentation parameter.

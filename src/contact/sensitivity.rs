@@ -84,7 +84,8 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
     ///
     /// # Errors
     /// Parameters of a problem of another size, or none; a second load parameter; a law with another number of history variables than that
-    /// of the problem; [`ContactError::Sensitivity`] with the errors of [`Sensitivity::new`].
+    /// of the problem; a condensed body without supports ([`ContactError::Unsupported`]: the full form has derivatives of it);
+    /// [`ContactError::Sensitivity`] with the errors of [`Sensitivity::new`].
     pub fn sensitivity(
         &self,
         x: &[f64],
@@ -98,6 +99,7 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
         ];
         parameters.check_sizes(sizes)?;
         check_vector("the solution x", x, self.num_vars())?;
+        self.check_supported()?;
         if self.num_parameters() > 1 {
             let what =
                 "the derivatives of problems with a second load parameter are those of `Sensitivity`".into();

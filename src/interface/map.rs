@@ -101,7 +101,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
             parameters,
             slots.fold(parameters, usize::max),
         )?;
-        if let Some(reduced) = view.reduced() {
+        if let Some(reduced) = view.reduced().filter(|_| operator.anchors.is_empty()) {
             reduced.compress(|| groups(&law));
         }
         Ok(Self {
@@ -423,6 +423,9 @@ impl<V: View, G: PiecewiseSmooth> Description for Interface<V, G> {
         let last = sizes.len() - (self.num_parameters() - 1);
         fill_sizes(self.operator.sizes, self.leading(), &mut sizes[..last]);
         let alpha = sizes[last - 1];
+        if let Some([displacement, ..]) = self.operator.sizes {
+            sizes[last - 1 - self.operator.anchors.len()..last - 1].fill(displacement);
+        }
         sizes[last..].fill(alpha);
     }
 

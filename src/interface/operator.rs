@@ -14,8 +14,11 @@ pub(crate) struct Operator {
     pub(crate) load: LoadPath,
     /// d ≥ 0 for each trace, or empty for zeros: the law receives v = B u − d λ, as if each trace had a spring of its own.
     pub(crate) yielding: Vec<f64>,
+    /// Displacements with springs that make A definite, one for each of the last traces, which take them away again: see
+    /// `contact/anchors.rs`.
+    pub(crate) anchors: Vec<usize>,
     /// Typical sizes of u, λ and α.
-    pub(super) sizes: Option<[f64; 3]>,
+    pub(crate) sizes: Option<[f64; 3]>,
 }
 
 impl Operator {
@@ -32,6 +35,7 @@ impl Operator {
             b_t: Arc::new(b.transpose()),
             load,
             yielding: Vec::new(),
+            anchors: Vec::new(),
             sizes: None,
         };
         operator.set_sizes(&[]);

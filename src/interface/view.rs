@@ -63,6 +63,8 @@ impl CondensedView {
     pub(crate) fn within(operator: &Operator, until: Until) -> Result<Self, LinearError> {
         let mut condensation = Condensation::within(&operator.a, &operator.b_t.transpose(), until)?;
         condensation.add_to_diagonal(&operator.yielding);
+        // By themselves these traces are 0 exactly: what is left there is rounding.
+        condensation.clear_last(operator.anchors.len());
         Self::with(Arc::new(condensation), &operator.load)
     }
 
@@ -181,11 +183,10 @@ impl Reduced {
         Some((free, rate.unwrap_or_else(|| vec![0.0; free.len()])))
     }
 
-    /// 1 / mean diag C.
-    pub(crate) fn stiffness(&self) -> f64 {
-        let q = self.compliance().nrows();
-        let trace: f64 = (0..q).map(|k| self.row(k)[k]).sum();
-        q as f64 / trace
+    /// 1 / mean diag C of the first traces.
+    pub(crate) fn stiffness(&self, traces: usize) -> f64 {
+        let trace: f64 = (0..traces).map(|k| self.row(k)[k]).sum();
+        traces as f64 / trace
     }
 
     /// Brings C into hierarchical form where that pays.

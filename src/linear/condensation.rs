@@ -131,6 +131,19 @@ impl Condensation {
         }
     }
 
+    /// Sets the entries of C between the last traces to 0.
+    pub(crate) fn clear_last(&mut self, count: usize) {
+        let q = self.compliance.nrows();
+        for column in self
+            .compliance
+            .values_mut()
+            .chunks_exact_mut(q.max(1))
+            .skip(q - count)
+        {
+            column[q - count..].fill(0.0);
+        }
+    }
+
     /// Brings C into hierarchical form where it is large, with the groups of traces that stay together.
     pub(crate) fn compress(&self, groups: impl FnOnce() -> Vec<Vec<usize>>) {
         if self.compliance.nrows() > HIERARCHICAL {

@@ -1,10 +1,13 @@
 //! Bodies without supports, held by contact and friction alone.
 
 use semismooth::contact::{
-    ContactBody, ContactError, FrictionCoefficient, Frictionless, FullContact, LoadPath, NodeLaw,
-    OrthotropicCoulomb, PlanarCoulomb,
+    CondensedContact, ContactBody, ContactError, ContactSolution, ContactState, FrictionCoefficient,
+    Frictionless, FullContact, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, UniquenessConstants,
+    critical_friction,
 };
+use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::fem::{ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh, Mortar};
+use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sparse::Matrix;
 
 use crate::random::Random;
@@ -256,4 +259,257 @@ fn stacks_stand_by_friction() {
     assert!((sum(&|i| nodes[i].traction[0], p..count) - 0.3 * upper).abs() < 1e-10);
     // The upper block slides off at 0.4 of its weight.
     is_unbalanced(problem.solve(0.45, None));
+}
+
+/// The same body in both forms, with the numbers of unknowns c.
+fn both<L: NodeLaw + Clone>(body: &ContactBody, law: L) -> (FullContact<L>, CondensedContact<L>, usize) {
+    let full = FullContact::new(body.clone(), law.clone()).unwrap();
+    let condensed = CondensedContact::new(body.clone(), law).unwrap();
+    let motions = condensed.num_traces() - full.num_traces();
+    (full, condensed, motions)
+}
+
+/// Displacements, forces and energies are those of the full form, and so is each residual at its solution.
+fn same_solution<L: NodeLaw>(
+    full: &FullContact<L>,
+    condensed: &CondensedContact<L>,
+    alpha: f64,
+    hint: &str,
+) -> [f64; 3] {
+    let x = full
+        .solve(alpha, None)
+        .unwrap_or_else(|e| panic!("full, {hint}: {e}"));
+    let y = condensed
+        .solve(alpha, None)
+        .unwrap_or_else(|e| panic!("condensed, {hint}: {e}"));
+    let expanded = condensed.expand(&y).unwrap();
+    let (n, q) = (full.num_displacements(), full.num_traces());
+    let largest = |v: &[f64]| v.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    for block in [0..n, n..n + q] {
+        let size = largest(&x[block.clone()]);
+        for k in block {
+            assert!(
+                (x[k] - expanded[k]).abs() < 1e-10 * size,
+                "{hint}: {k}: {} {} of {size}",
+                x[k],
+                expanded[k]
+            );
+        }
+    }
+    let (one, other) = (full.solution(&x).unwrap(), condensed.solution(&y).unwrap());
+    assert_eq!(one.states, other.states, "{hint}");
+    assert!(other.residuals.largest() < 1e-10, "{hint}: {}", other.residuals);
+    let energies = |s: &ContactSolution| [s.energy.stored, s.energy.load, s.energy.friction];
+    for (a, b) in energies(&one).into_iter().zip(energies(&other)) {
+        assert!((a - b).abs() < 1e-9 * one.energy.load.abs(), "{hint}: {a} {b}");
+    }
+    other.resultant()
+}
+
+/// A block on a table, by friction alone: three motions without energy in the plane, six in space. Their amplitudes follow the forces among
+/// the unknowns, and the rows of balance the law; forces are those of the full form and of statics.
+#[test]
+fn bodies_on_friction_condense() {
+    for (dim, motions) in [(2, 3), (3, 6)] {
+        let mesh = match dim {
+            2 => Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2]).unwrap(),
+            _ => Mesh::block([0.0; 3], [2.0, 1.0, 1.0], [3, 2, 2]).unwrap(),
+        };
+        let (system, mut up) = (floating(mesh), [0.0; 3]);
+        up[dim - 1] = 1.0;
+        let rows = system
+            .contact("bottom", &Foundation::plane([0.0; 3], up))
+            .unwrap();
+        let weight = system.body_force(|_| up.map(|u| -WEIGHT * u)).unwrap();
+        let pull = system.body_force(|_| [WEIGHT, 0.0, 0.0]).unwrap();
+        let body = semismooth::contact_body(&system, &rows, LoadPath::affine(weight, pull)).unwrap();
+        match dim {
+            2 => held(&body, PlanarCoulomb::new(coefficient(0.5)), motions),
+            _ => held(&body, OrthotropicCoulomb::isotropic(coefficient(0.5)), motions),
+        }
+    }
+}
+
+/// The block weighs and is pulled by 2 WEIGHT (1, α); F = 0.5.
+fn held<L: NodeLaw + Clone>(body: &ContactBody, law: L, motions: usize) {
+    let (full, condensed, found) = both(body, law);
+    assert_eq!(found, motions);
+    for alpha in [0.0, 0.3, -0.4] {
+        let [normal, tangential, _] = same_solution(&full, &condensed, alpha, "a block");
+        assert!((normal - 2.0 * WEIGHT).abs() < 1e-12, "{normal}");
+        assert!(
+            (tangential.abs() - 2.0 * WEIGHT * alpha.abs()).abs() < 1e-12,
+            "{tangential}"
+        );
+    }
+    is_unbalanced(condensed.solve(0.55, None));
+}
+
+/// Two forces at random on a block, and random loads on a stack of two: both forms find the same, or the same reason why there is nothing
+/// to be found.
+#[test]
+fn both_forms_agree_on_random_loads() {
+    let mut mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2]).unwrap();
+    mesh.mark_nodes("middle", |x| x == [1.0, 1.0, 0.0]);
+    mesh.mark_nodes("corner", |x| x == [2.0, 1.0, 0.0]);
+    let system = floating(mesh);
+    let rows = system
+        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
+        .unwrap();
+    let random = &mut Random::new(11);
+    let mut counts = [0; 2];
+    for k in 0..60 {
+        let f = [0.2, 0.5, 1.0][k % 3];
+        let mut uniform = |size: f64| random.between(-size, size);
+        let (a, b) = ([uniform(0.5), uniform(0.4) - 0.8], [uniform(0.3), uniform(0.5)]);
+        let force = |group: &str, of: [f64; 2]| {
+            system
+                .nodal_force(group, |_| [WEIGHT * of[0], WEIGHT * of[1], 0.0])
+                .unwrap()
+        };
+        let (one, two) = (force("middle", a), force("corner", b));
+        let load = one.iter().zip(&two).map(|(a, b)| a + b).collect::<Vec<f64>>();
+        let body = semismooth::contact_body(&system, &rows, LoadPath::constant(load)).unwrap();
+        let (full, condensed, _) = both(&body, PlanarCoulomb::new(coefficient(f)));
+        match full.solve(0.0, None) {
+            Ok(_) => {
+                counts[0] += 1;
+                same_solution(&full, &condensed, 0.0, &format!("{k}"));
+            }
+            Err(ContactError::Unbalanced { motion, work, .. }) => {
+                counts[1] += 1;
+                match condensed.solve(0.0, None) {
+                    Err(ContactError::Unbalanced {
+                        motion: m, work: w, ..
+                    }) => assert_eq!((m, w), (motion, work)),
+                    other => panic!("{k}: {other:?}"),
+                }
+            }
+            Err(e) => panic!("{k}: {e}"),
+        }
+    }
+    assert!(counts.iter().all(|c| *c > 10), "{counts:?}");
+}
+
+/// The map: derivatives are those of its residuals, determinants have the sign of those in full form, and with exact coefficients the lists
+/// of all solutions are those of the full form.
+#[test]
+fn the_condensed_map_of_a_floating_body_is_that_of_the_full_form() {
+    let system = floating(Mesh::rectangle([0.0, 0.0], [1.0, 1.0], [2, 1]).unwrap());
+    let rows = system
+        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
+        .unwrap();
+    let weight = system.body_force(|_| [0.0, -WEIGHT, 0.0]).unwrap();
+    let pull = system.body_force(|_| [WEIGHT, 0.0, 0.0]).unwrap();
+    let body = semismooth::contact_body(&system, &rows, LoadPath::affine(weight, pull)).unwrap();
+    let (full, condensed, motions) = both(&body, PlanarCoulomb::new(coefficient(0.4)));
+    let (m, vars) = (condensed.num_residuals(), condensed.num_vars());
+    assert_eq!((m, vars, motions), (9, 10, 3));
+    let random = &mut Random::new(5);
+    for states in [
+        [ContactState::Stick; 3],
+        [ContactState::Stick, ContactState::SlipPlus, ContactState::Stick],
+        [ContactState::Open, ContactState::Stick, ContactState::Stick],
+    ] {
+        let selection = condensed.selection_of(&states);
+        let x: Vec<f64> = (0..vars).map(|_| random.between(-1.0, 1.0)).collect();
+        let mut jac = Matrix::zeros(condensed.pattern());
+        condensed.jacobian(&selection, &x, &mut jac);
+        let at = |x: &[f64]| {
+            let mut h = vec![0.0; m];
+            condensed.residual(&selection, x, &mut h);
+            h
+        };
+        for j in 0..vars {
+            let (mut low, mut high) = (x.clone(), x.clone());
+            (low[j], high[j]) = (x[j] - 0.5, x[j] + 0.5);
+            for (i, (low, high)) in at(&low).into_iter().zip(at(&high)).enumerate() {
+                assert!((high - low - jac.get(i, j)).abs() < 1e-12, "{states:?} {i} {j}");
+            }
+        }
+        let sign = |map: &dyn PiecewiseSmooth, x: &[f64]| {
+            let mut jac = Matrix::zeros(map.pattern());
+            map.jacobian(&selection, x, &mut jac);
+            determinant_sign(&jac, map.num_residuals())
+        };
+        let expanded = condensed.expand(&x).unwrap();
+        let point = [&expanded[..full.num_displacements()], &x[..2 * 3], &x[vars - 1..]].concat();
+        assert_eq!(sign(&condensed, &x), sign(&full, &point), "{states:?}");
+    }
+    for alpha in [0.0, 0.3] {
+        let list =
+            |map: &dyn PiecewiseSmooth| all_solutions(map, alpha, &EnumerationOptions::default()).unwrap();
+        let (of_full, of_condensed) = (list(&full), list(&condensed));
+        assert!(of_full.completeness.is_complete() && of_condensed.completeness.is_complete());
+        assert_eq!(of_full.solutions.len(), of_condensed.solutions.len());
+        for (a, b) in of_full.solutions.iter().zip(&of_condensed.solutions) {
+            let expanded = condensed.expand(&b.x).unwrap();
+            let size = expanded.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+            for (u, v) in a.x.iter().zip(&expanded).take(full.num_displacements() + 6) {
+                assert!((u - v).abs() < 1e-10 * size, "{alpha}: {u} {v}");
+            }
+        }
+    }
+}
+
+/// The sign of the determinant of the first columns, by elimination.
+fn determinant_sign(jac: &Matrix, n: usize) -> i32 {
+    let mut a: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| jac.get(i, j)).collect()).collect();
+    let mut sign = 1;
+    for k in 0..n {
+        let pivot = (k..n)
+            .max_by(|i, j| a[*i][k].abs().total_cmp(&a[*j][k].abs()))
+            .unwrap();
+        if pivot != k {
+            a.swap(pivot, k);
+            sign = -sign;
+        }
+        sign *= a[k][k].signum() as i32;
+        for i in k + 1..n {
+            let factor = a[i][k] / a[k][k];
+            let row = a[k].clone();
+            a[i].iter_mut().zip(&row).for_each(|(v, r)| *v -= factor * r);
+        }
+    }
+    sign
+}
+
+/// A body that contact does not see cannot be held; bounds that need a definite compliance are refused.
+#[test]
+fn what_contact_cannot_hold_is_refused_in_condensed_form() {
+    // Two springs without support, of which one node may touch, and the same with the other node apart.
+    let a = Matrix::from_rows(&[
+        [1.0, -1.0, 0.0, 0.0],
+        [-1.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0],
+    ])
+    .unwrap();
+    let normal = Matrix::from_rows(&[[1.0, 0.0, 0.0, 0.0]]).unwrap();
+    let tangential = Matrix::from_rows(&[[0.0, 0.0, 1.0, 0.0]]).unwrap();
+    let load = LoadPath::constant(vec![1.0, 1.0, 0.0, 0.0]);
+    let body = ContactBody::new(a, normal, vec![tangential], load).unwrap();
+    let found = CondensedContact::new(body, Frictionless::plane()).map(|_| ());
+    assert!(
+        matches!(found, Err(ContactError::Unsupported { .. })),
+        "{found:?}"
+    );
+    let system = floating(Mesh::rectangle([0.0, 0.0], [1.0, 1.0], [2, 1]).unwrap());
+    let rows = system
+        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
+        .unwrap();
+    let weight = system.body_force(|_| [0.0, -WEIGHT, 0.0]).unwrap();
+    let body = semismooth::contact_body(&system, &rows, LoadPath::constant(weight)).unwrap();
+    let condensed = CondensedContact::new(body, PlanarCoulomb::new(coefficient(0.4))).unwrap();
+    let refused = [
+        condensed.delassus(0.0).map(|_| ()),
+        UniquenessConstants::new(&condensed, &rows.areas).map(|_| ()),
+        critical_friction(&condensed).map(|_| ()),
+    ];
+    for found in refused {
+        assert!(
+            matches!(found, Err(ContactError::Unsupported { .. })),
+            "{found:?}"
+        );
+    }
 }

@@ -184,7 +184,8 @@ impl ReducedNewton {
         max_iterations: usize,
         go_on: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> bool {
-        let Some(reduced) = problem.view.reduced() else {
+        let supported = problem.body().anchors().is_empty();
+        let Some(reduced) = problem.view.reduced().filter(|_| supported) else {
             return false;
         };
         let law = *problem.node_law();

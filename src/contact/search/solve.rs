@@ -10,6 +10,7 @@ use crate::contact::law::{LocalValues, NodeLaw};
 use crate::contact::tolerances::CONDENSED;
 use crate::contact::{
     CondensedContact, Contact, ContactError, ContactOptions, ContactProgress, ContactReport, ContactState,
+    FullContact,
 };
 use crate::input::{check_finite, check_length};
 use crate::interface::View;
@@ -19,10 +20,35 @@ impl<'a, V: View> Contact<V, &'a dyn NodeLaw> {
     /// The condensed form under the load at α.
     pub(super) fn condensed_at(&self, alpha: f64) -> Result<CondensedContact<&'a dyn NodeLaw>, ContactError> {
         let load = self.operator.load.frozen(&[alpha], self.num_displacements());
-        let mut condensed = CondensedContact::new(self.body().under(load)?, self.law.law)?;
+        let mut condensed = CondensedContact::of_supported(self.body().under(load)?, self.law.law)?;
         condensed.law.reference.clone_from(&self.law.reference);
         condensed.law.history.clone_from(&self.law.history);
         Ok(condensed)
+    }
+}
+
+impl<V: View> Contact<V, &dyn NodeLaw> {
+    /// The solution of the full form of a body on anchors, which knows more ways, or why there is none.
+    fn solve_released(
+        &self,
+        alpha: f64,
+        start: Option<&[f64]>,
+        options: &ContactOptions,
+        observe: &mut Observer<'_>,
+    ) -> Result<ContactReport, ContactError> {
+        let (body, q) = (self.body().released(), self.law.own_traces());
+        let mut full = FullContact::new(body, self.law.law)?;
+        full.law.reference.clone_from(&self.law.reference);
+        full.law.history.clone_from(&self.law.history);
+        let start = match start {
+            Some(x) => Some([&self.displacements(x)?, &x[..q], &[alpha]].concat()),
+            None => None,
+        };
+        let quick = &mut ReducedNewton::default();
+        let found = full.solve_again(alpha, start.as_deref(), options, quick, observe)?;
+        let u = full.displacements(&found.x)?;
+        let x = self.body().point_of(&u, &found.x[u.len()..u.len() + q], alpha);
+        Ok(ContactReport { x, ..found })
     }
 }
 
@@ -126,7 +152,12 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         // The search is compiled once for all laws.
         let own: Contact<V, &dyn NodeLaw> = self.borrowed();
         let mut condensed = None;
+        let floats = !own.body().anchors().is_empty();
         let mut descend = |lowering, see: &mut Observer<'_>| {
+            // Without supports there is no solution far above the foundation.
+            if floats {
+                return Ok(None);
+            }
             // The lowering is computed in condensed form where the body can be condensed.
             if own.view.reduced().is_none() && own.num_traces() <= CONDENSED {
                 let condensed = condensed.get_or_insert_with(|| own.condensed_at(alpha).ok());
@@ -142,7 +173,10 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         };
         let found = strategy::solve(&own, alpha, start, options, quick, &mut descend, observe);
         match found {
-            // A body that can be condensed is supported without contact, so only the full form can be unbalanced.
+            Err(e @ ContactError::NoStart { .. }) if floats && !e.is_interrupted() => {
+                own.solve_released(alpha, start, options, observe)
+            }
+            // A body that is supported without contact is always in balance.
             Err(e @ ContactError::NoStart { .. }) if own.view.reduced().is_none() && !e.is_interrupted() => {
                 Err(own.unbalanced(alpha).unwrap_or(e))
             }

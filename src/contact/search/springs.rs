@@ -36,8 +36,7 @@ impl<V: View> Contact<V, &dyn NodeLaw> {
         Ok(OnSprings {
             body: ContactBody {
                 operator: Arc::new(operator),
-                gap: body.gap.clone(),
-                nodes: body.nodes.clone(),
+                ..body.clone()
             },
             load: self.operator.load_at(&[alpha]),
             springs,

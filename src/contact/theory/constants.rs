@@ -38,6 +38,7 @@ impl UniquenessConstants {
         let p = problem.num_contacts();
         check_vector("the areas of the contact nodes", areas, p)?;
         check_areas(areas)?;
+        problem.check_supported()?;
         let c = problem.compliance();
         let q = c.nrows();
         // (W⁻¹)_νν is the inverse of the compliance under v_t = 0.
@@ -276,6 +277,7 @@ pub fn critical_friction<L: NodeLaw>(problem: &CondensedContact<L>) -> Result<Op
             body: problem.body().num_tangents(),
         });
     }
+    problem.check_supported()?;
     let p = problem.num_contacts();
     let c = problem.compliance();
     let block = |first: usize| {
