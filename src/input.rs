@@ -14,8 +14,8 @@ use crate::words::alternatives;
 /// use semismooth::fem::CellKind;
 /// use semismooth::sparse::Matrix;
 /// assert_eq!("triangle".parse(), Ok(CellKind::Triangle));
-/// let wrong = "wedge".parse::<CellKind>().unwrap_err();
-/// assert!(wrong.to_string().starts_with("\"wedge\" is no kind of cell: write triangle, quadrilateral, "));
+/// let wrong = "prism".parse::<CellKind>().unwrap_err();
+/// assert!(wrong.to_string().starts_with("\"prism\" is no kind of cell: write triangle, quadrilateral, "));
 /// let outside = Matrix::from_triplets(1, 1, &[(0, 1, 2.0)]);
 /// assert!(matches!(outside, Err(InputError::OutOfBounds { col: 1, ncols: 1, .. })));
 /// ```

@@ -8,7 +8,7 @@ use semismooth::fem::{CellKind, FemError, Mesh};
 use crate::ffi::Int;
 use crate::world::{PetscError, World};
 
-const KINDS: [CellKind; 10] = [
+const KINDS: [CellKind; 14] = [
     CellKind::Triangle,
     CellKind::Quadrilateral,
     CellKind::Tetrahedron,
@@ -19,6 +19,10 @@ const KINDS: [CellKind; 10] = [
     CellKind::Tetrahedron10,
     CellKind::Hexahedron20,
     CellKind::Hexahedron27,
+    CellKind::Wedge,
+    CellKind::Wedge15,
+    CellKind::Pyramid,
+    CellKind::Pyramid13,
 ];
 
 /// Which process owns each node: recursive bisection of the longest side of the box around the nodes.

@@ -145,11 +145,11 @@ impl Load {
 ///     area and volume of the rings, areas and nodal forces those of the whole rings; for meshes in the plane.
 /// dilatation : {"automatic", "pointwise", "mean"}
 ///     How quadrilaterals and hexahedra integrate the volumetric strain: as the mean over each cell (B-bar), which keeps them from locking
-///     where the material is nearly incompressible; "automatic": where Poisson's ratio is above 0.45. Triangles and tetrahedra lock
+///     where the material is nearly incompressible; "automatic": where Poisson's ratio is above 0.45. Other cells of first order lock
 ///     there, with a warning; see ``notes``.
 /// floating : bool
-///     Whether supports may leave rigid motions, of bodies that contact and friction alone hold (``supports={}``): with ``form="full"`` of
-///     :class:`ContactProblem`, which says where nothing balances the load.
+///     Whether supports may leave rigid motions, of bodies that contact and friction alone hold (``supports={}``); :class:`ContactProblem`
+///     says where nothing balances the load. Not in reduced form.
 /// springs : dict, optional
 ///     Springs at each node of a group of nodes, to the ground, or between the nodes of two groups (a pair of names), one by one: the
 ///     stiffness (force per displacement, in a body of revolution of whole rings), one number for all components or d of them. Bodies that

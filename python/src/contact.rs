@@ -79,7 +79,8 @@ impl Form {
 /// paths : list of (Load, callable), optional
 ///     Loads f_k with smooth amplitudes φ_k(α), traced (see :func:`trace`).
 /// form : {"condensed", "full", "reduced", "auto"}
-///     "condensed": x = (λν, λt₁[, λt₂], α), nodal forces, dense, one factorisation of the stiffness matrix in all. "full": x = (u, λν, λt₁[,
+///     "condensed": x = (λν, λt₁[, λt₂], α), nodal forces, dense, one factorisation of the stiffness matrix in all; of a body that contact
+///     alone holds, with displacements of some points before α, as many as it has rigid motions. "full": x = (u, λν, λt₁[,
 ///     λt₂], α), sparse, one factorisation per step: for thousands of contact nodes. "reduced": x as in full form, but solved for the
 ///     displacements alone, with multigrid, for bodies of up to millions of displacements: :meth:`solve` and :func:`evolve` only, curves
 ///     are not followed. "auto": "reduced" for solids of more than 6000 free displacements and plane bodies of more than 3 million on

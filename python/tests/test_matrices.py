@@ -230,12 +230,13 @@ def test_a_block_without_supports_is_held_by_friction():
     body = ss.Body(mesh, ss.Material(1.0, 0.3), supports={}, floating=True)
     load, rate = body.body_force([0, -0.01]), body.body_force([0.01, 0])
     table = ss.Foundation.plane([0, 0], [0, 1])
-    problem = ss.ContactProblem(body, "bottom", table, 0.5, load=load, rate=rate, form="full")
-    np.testing.assert_allclose(pickle.loads(pickle.dumps(problem)).solve(0.4).resultant, [0.02, 0.008], rtol=0, atol=1e-10)
-    with pytest.raises(ss.SemismoothError, match="nothing balances the load"):
-        problem.solve(0.6)
-    with pytest.raises(ss.SemismoothError, match="full form accepts"):
-        ss.ContactProblem(body, "bottom", table, 0.5, load=load, rate=rate)
+    for form in ["full", "condensed"]:
+        problem = ss.ContactProblem(body, "bottom", table, 0.5, load=load, rate=rate, form=form)
+        np.testing.assert_allclose(pickle.loads(pickle.dumps(problem)).solve(0.4).resultant, [0.02, 0.008], rtol=0, atol=1e-10)
+        with pytest.raises(ss.SemismoothError, match="nothing balances the load"):
+            problem.solve(0.6)
+    # Three motions without energy.
+    assert problem.num_vars == 2 * problem.num_contacts + 3 + 1
 
 
 def test_coefficients_in_the_order_of_the_mesh_are_those_of_the_nodes():

@@ -208,7 +208,7 @@ pub enum ContactError {
             "has a stiffness matrix that is not positive definite, and no motion that makes no forces: check the signs of its entries".to_owned()
         } else {
             format!(
-                "is not supported against {modes}, or by less than rounding. Each piece needs supports of its own; the full form accepts pieces supported by contact alone"
+                "is not supported against {modes}, or by less than rounding. Each piece needs supports of its own; the full and the condensed form accept pieces supported by contact alone"
             )
         }
     )]

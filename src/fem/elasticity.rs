@@ -106,7 +106,8 @@ impl Elasticity {
     }
 
     /// Accepts supports that leave rigid motions, of bodies that contact and friction alone hold. Their stiffness matrix is singular: the
-    /// full form ([`FullContact`](crate::contact::FullContact)) solves them, and says with a certificate where nothing balances the load
+    /// full and the condensed form ([`FullContact`](crate::contact::FullContact), [`CondensedContact`](crate::contact::CondensedContact))
+    /// solve them, and say with a certificate where nothing balances the load
     /// ([`ContactError::Unbalanced`](crate::contact::ContactError::Unbalanced)).
     ///
     /// ```

@@ -8,10 +8,11 @@ use crate::words::named;
 /// Kinds of cells: with linear (simplices) or multilinear (boxes) shape functions, and isoparametric ones of second order.
 ///
 /// Corners are numbered as in Gmsh and VTK: counter-clockwise in the plane; a tetrahedron with its fourth node on the side to which the
-/// normal of the first three points; a hexahedron as bottom face counter-clockwise seen from above, then top face. In cells of second order
+/// normal of the first three points; a hexahedron as bottom face counter-clockwise seen from above, then top face, a wedge likewise; a
+/// pyramid as bottom face counter-clockwise seen from the apex, then the apex. In cells of second order
 /// the other nodes follow as in VTK: the middles of the edges, which may lie beside the chords (of triangles and quadrilaterals in the order
 /// of the [facets](Self::facets), from the first corner to the second and on round the cell; of tetrahedra around the first three corners,
-/// then up to the fourth; of hexahedra around the bottom, around the top, then upwards), the middles of the faces (of the 27 nodes those at
+/// then up to the fourth; of the others around the bottom, around the top, then upwards), the middles of the faces (of the 27 nodes those at
 /// −x, x, −y, y, −z, z of the reference cell), the centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -37,6 +38,14 @@ pub enum CellKind {
     Hexahedron20,
     /// Twenty-seven nodes (Q2).
     Hexahedron27,
+    /// Six nodes: P1 in the triangle, times linear functions upwards.
+    Wedge,
+    /// Fifteen nodes (serendipity): the middles of the edges.
+    Wedge15,
+    /// Five nodes: rational functions (G. Bedrosian, Int. J. Numer. Methods Eng. 35 (1992)), linear on the edges.
+    Pyramid,
+    /// Thirteen nodes, of the same family: the middles of the edges.
+    Pyramid13,
 }
 
 named!(CellKind, "kind of cell", Self::ALL);
@@ -47,7 +56,7 @@ pub(super) const MAX_NODES: usize = 27;
 pub(super) const MAX_FACET: usize = 9;
 
 impl CellKind {
-    const ALL: [Self; 10] = [
+    const ALL: [Self; 14] = [
         Self::Triangle,
         Self::Quadrilateral,
         Self::Tetrahedron,
@@ -58,6 +67,10 @@ impl CellKind {
         Self::Tetrahedron10,
         Self::Hexahedron20,
         Self::Hexahedron27,
+        Self::Wedge,
+        Self::Wedge15,
+        Self::Pyramid,
+        Self::Pyramid13,
     ];
 
     pub(super) const fn reference(self) -> Reference {
@@ -72,6 +85,10 @@ impl CellKind {
             Self::Hexahedron => (Shape::Hexahedron, 8),
             Self::Hexahedron20 => (Shape::Hexahedron, 20),
             Self::Hexahedron27 => (Shape::Hexahedron, 27),
+            Self::Wedge => (Shape::Wedge, 6),
+            Self::Wedge15 => (Shape::Wedge, 15),
+            Self::Pyramid => (Shape::Pyramid, 5),
+            Self::Pyramid13 => (Shape::Pyramid, 13),
         };
         Reference { shape, nodes }
     }
@@ -100,7 +117,7 @@ impl CellKind {
         if self.reference().is_linear() { 1 } else { 2 }
     }
 
-    /// "triangle", "quadrilateral", "tetrahedron", "hexahedron", of second order with the number of nodes: "triangle6".
+    /// "triangle", "quadrilateral", "tetrahedron", "hexahedron", "wedge", "pyramid", of second order with the number of nodes: "triangle6".
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -114,6 +131,10 @@ impl CellKind {
             Self::Tetrahedron10 => "tetrahedron10",
             Self::Hexahedron20 => "hexahedron20",
             Self::Hexahedron27 => "hexahedron27",
+            Self::Wedge => "wedge",
+            Self::Wedge15 => "wedge15",
+            Self::Pyramid => "pyramid",
+            Self::Pyramid13 => "pyramid13",
         }
     }
 
@@ -157,6 +178,28 @@ impl CellKind {
                 &[2, 3, 7, 6, 10, 19, 14, 18, 23],
                 &[3, 0, 4, 7, 11, 16, 15, 19, 20],
             ],
+            Self::Wedge => &[
+                &[0, 2, 1],
+                &[3, 4, 5],
+                &[0, 1, 4, 3],
+                &[1, 2, 5, 4],
+                &[2, 0, 3, 5],
+            ],
+            Self::Wedge15 => &[
+                &[0, 2, 1, 8, 7, 6],
+                &[3, 4, 5, 9, 10, 11],
+                &[0, 1, 4, 3, 6, 13, 9, 12],
+                &[1, 2, 5, 4, 7, 14, 10, 13],
+                &[2, 0, 3, 5, 8, 12, 11, 14],
+            ],
+            Self::Pyramid => &[&[0, 3, 2, 1], &[0, 1, 4], &[1, 2, 4], &[2, 3, 4], &[3, 0, 4]],
+            Self::Pyramid13 => &[
+                &[0, 3, 2, 1, 8, 7, 6, 5],
+                &[0, 1, 4, 5, 10, 9],
+                &[1, 2, 4, 6, 11, 10],
+                &[2, 3, 4, 7, 12, 11],
+                &[3, 0, 4, 8, 9, 12],
+            ],
         }
     }
 
@@ -179,13 +222,16 @@ enum Shape {
     Quadrilateral,
     Tetrahedron,
     Hexahedron,
+    Wedge,
+    Pyramid,
 }
 
 impl Shape {
-    const COUNT: usize = Self::Hexahedron as usize + 1;
+    const COUNT: usize = Self::Pyramid as usize + 1;
 }
 
-/// A reference cell or facet: simplices with corners at the origin and the unit vectors, boxes (−1, 1)ᵈ. Nodes of second order follow the
+/// A reference cell or facet: simplices with corners at the origin and the unit vectors, boxes (−1, 1)ᵈ, wedges as triangle × (−1, 1),
+/// pyramids as (−1, 1)² at height 0 with the apex at height 1. Nodes of second order follow the
 /// corners, those of the faces the middles of edges, so that each shape has one table of nodes, and elements the first ones of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Reference {
@@ -254,6 +300,38 @@ const HEXAHEDRON: [[f64; 3]; 27] = [
     [0.0, 0.0, 1.0],
     [0.0; 3],
 ];
+const WEDGE: [[f64; 3]; 15] = [
+    [0.0, 0.0, -1.0],
+    [1.0, 0.0, -1.0],
+    [0.0, 1.0, -1.0],
+    [0.0, 0.0, 1.0],
+    [1.0, 0.0, 1.0],
+    [0.0, 1.0, 1.0],
+    [0.5, 0.0, -1.0],
+    [0.5, 0.5, -1.0],
+    [0.0, 0.5, -1.0],
+    [0.5, 0.0, 1.0],
+    [0.5, 0.5, 1.0],
+    [0.0, 0.5, 1.0],
+    [0.0, 0.0, 0.0],
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+];
+const PYRAMID: [[f64; 3]; 13] = [
+    [-1.0, -1.0, 0.0],
+    [1.0, -1.0, 0.0],
+    [1.0, 1.0, 0.0],
+    [-1.0, 1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [0.0, -1.0, 0.0],
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [-1.0, 0.0, 0.0],
+    [-0.5, -0.5, 0.5],
+    [0.5, -0.5, 0.5],
+    [0.5, 0.5, 0.5],
+    [-0.5, 0.5, 0.5],
+];
 /// Corners on either side of the middle nodes of a tetrahedron, of which the first three are those of a triangle.
 const ENDS: [[usize; 2]; 6] = [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]];
 
@@ -280,7 +358,7 @@ impl Reference {
         match self.shape {
             Shape::Segment => 1,
             Shape::Triangle | Shape::Quadrilateral => 2,
-            Shape::Tetrahedron | Shape::Hexahedron => 3,
+            Shape::Tetrahedron | Shape::Hexahedron | Shape::Wedge | Shape::Pyramid => 3,
         }
     }
 
@@ -290,6 +368,8 @@ impl Reference {
             Shape::Triangle => 3,
             Shape::Quadrilateral | Shape::Tetrahedron => 4,
             Shape::Hexahedron => 8,
+            Shape::Wedge => 6,
+            Shape::Pyramid => 5,
         }
     }
 
@@ -309,6 +389,8 @@ impl Reference {
             Shape::Quadrilateral => &QUADRILATERAL,
             Shape::Tetrahedron => &TETRAHEDRON,
             Shape::Hexahedron => &HEXAHEDRON,
+            Shape::Wedge => &WEDGE,
+            Shape::Pyramid => &PYRAMID,
         };
         &all[..self.nodes]
     }
@@ -331,6 +413,8 @@ impl Reference {
         match self.shape {
             Shape::Triangle => [1.0 / 3.0; 3],
             Shape::Tetrahedron => [0.25; 3],
+            Shape::Wedge => [1.0 / 3.0, 1.0 / 3.0, 0.0],
+            Shape::Pyramid => [0.0, 0.0, 0.25],
             _ => [0.0; 3],
         }
     }
@@ -374,8 +458,36 @@ impl Reference {
                 let middles = [[e, e, f], [e, f, e], [f, e, e], [f, f, e], [f, e, f], [e, f, f]];
                 near.chain(middles.map(|p| (p, edge))).collect()
             }
+            Shape::Wedge => {
+                let nodes = if self.is_linear() { 3 } else { 6 };
+                let triangle = Self {
+                    shape: Shape::Triangle,
+                    nodes,
+                };
+                let upwards = self.gauss().iter();
+                let layer = |&(z, w): &(f64, f64)| {
+                    triangle
+                        .quadrature()
+                        .into_iter()
+                        .map(move |([x, y, _], own)| ([x, y, z], own * w))
+                };
+                upwards.flat_map(layer).collect()
+            }
+            // Of the cube whose upper side is collapsed: shape functions are polynomials there.
+            Shape::Pyramid => {
+                let nodes = if self.is_linear() { 8 } else { 20 };
+                let cube = Self {
+                    shape: Shape::Hexahedron,
+                    nodes,
+                };
+                let collapsed = |([x, y, z], w): ([f64; 3], f64)| {
+                    let width = 0.5 * (1.0 - z);
+                    ([x * width, y * width, 1.0 - width], 0.5 * w * width * width)
+                };
+                cube.quadrature().into_iter().map(collapsed).collect()
+            }
             _ => {
-                let rule: &[(f64, f64)] = if self.is_linear() { &GAUSS_2 } else { &GAUSS_3 };
+                let rule = self.gauss();
                 let mut points = vec![([0.0; 3], 1.0)];
                 // The first coordinate runs fastest.
                 for d in (0..self.dim()).rev() {
@@ -393,6 +505,10 @@ impl Reference {
                 points
             }
         }
+    }
+
+    const fn gauss(self) -> &'static [(f64, f64)] {
+        if self.is_linear() { &GAUSS_2 } else { &GAUSS_3 }
     }
 
     /// What is known of its shape functions, computed on first use.
@@ -424,11 +540,106 @@ impl Reference {
 
     /// Values and reference gradients of the shape functions, into room for as many that holds zeros.
     pub(super) fn functions(self, x: [f64; 3], value: &mut [f64], gradient: &mut [[f64; 3]]) {
-        if self.is_simplex() {
-            self.of_simplex(x, value, gradient);
-        } else {
-            self.of_box(x, value, gradient);
+        match self.shape {
+            Shape::Triangle | Shape::Tetrahedron => self.of_simplex(x, value, gradient),
+            Shape::Wedge => self.of_wedge(x, value, gradient),
+            Shape::Pyramid => self.of_pyramid(x, value, gradient),
+            Shape::Segment | Shape::Quadrilateral | Shape::Hexahedron => self.of_box(x, value, gradient),
         }
+    }
+
+    /// With barycentric coordinates λ of the triangle and c = ±1: λ (1 + c z) / 2, or at corners λ (1 + c z) (2 λ − 2 + c z) / 2, at the
+    /// middles of edges 2 λ μ (1 + c z) and λ (1 − z²).
+    fn of_wedge(self, x: [f64; 3], value: &mut [f64], gradient: &mut [[f64; 3]]) {
+        let l = [1.0 - x[0] - x[1], x[0], x[1]];
+        let slope = [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
+        let z = x[2];
+        let mut set = |a: usize, v: f64, along: [f64; 2], up: f64| {
+            value[a] = v;
+            gradient[a] = [along[0], along[1], up];
+        };
+        for a in 0..6 {
+            let (l, slope, c) = (l[a % 3], slope[a % 3], if a < 3 { -1.0 } else { 1.0 });
+            let upwards = 0.5 * (1.0 + c * z);
+            if self.is_linear() {
+                set(a, l * upwards, slope.map(|s| s * upwards), 0.5 * c * l);
+                continue;
+            }
+            let rest = 2.0 * l - 2.0 + c * z;
+            set(
+                a,
+                l * upwards * rest,
+                slope.map(|s| s * upwards * (rest + 2.0 * l)),
+                c * l * (0.5 * rest + upwards),
+            );
+        }
+        for a in 6..self.nodes {
+            let k = a % 3;
+            if a >= 12 {
+                let bubble = 1.0 - z * z;
+                set(a, l[k] * bubble, slope[k].map(|s| s * bubble), -2.0 * l[k] * z);
+                continue;
+            }
+            let (c, m) = (if a < 9 { -1.0 } else { 1.0 }, (k + 1) % 3);
+            let upwards = 2.0 * (1.0 + c * z);
+            let product = std::array::from_fn(|d| slope[k][d] * l[m] + l[k] * slope[m][d]);
+            set(
+                a,
+                l[k] * l[m] * upwards,
+                product.map(|s: f64| s * upwards),
+                2.0 * c * l[k] * l[m],
+            );
+        }
+    }
+
+    /// Polynomials in s = 1 − z, ξ = x / s and η = y / s, in which s (1 ± ξ) (1 ± η) / 4 belong to the corners below, z to the apex; of
+    /// second order times (± s ξ ± s η − 1) and (2 z − 1), at the middles of edges s² (1 − ξ²) (1 ± η) / 2 and so on, upwards
+    /// s z (1 ± ξ) (1 ± η). At the apex gradients depend on the direction; they are those along the axis.
+    fn of_pyramid(self, x: [f64; 3], value: &mut [f64], gradient: &mut [[f64; 3]]) {
+        let s = 1.0 - x[2];
+        let [xi, eta] = [x[0], x[1]].map(|x| if s == 0.0 { 0.0 } else { x / s });
+        // A function s f with the derivatives of f in ξ, η and s.
+        let mut set = |a: usize, f: f64, [of_xi, of_eta, of_s]: [f64; 3]| {
+            value[a] = s * f;
+            gradient[a] = [of_xi, of_eta, xi * of_xi + eta * of_eta - f - s * of_s];
+        };
+        for a in 0..4 {
+            let [c, d, _] = PYRAMID[a];
+            let (p, q) = (1.0 + c * xi, 1.0 + d * eta);
+            let (f, of_xi, of_eta) = (0.25 * p * q, 0.25 * c * q, 0.25 * d * p);
+            if self.is_linear() {
+                set(a, f, [of_xi, of_eta, 0.0]);
+                continue;
+            }
+            let sum = c * xi + d * eta;
+            let factor = s * sum - 1.0;
+            set(
+                a,
+                f * factor,
+                [of_xi * factor + f * s * c, of_eta * factor + f * s * d, f * sum],
+            );
+            let z = x[2];
+            set(a + 9, 4.0 * f * z, [4.0 * of_xi * z, 4.0 * of_eta * z, -4.0 * f]);
+        }
+        for a in 5..self.nodes.min(9) {
+            let [c, d, _] = PYRAMID[a];
+            // The one along the edge is a bubble, the other one linear.
+            let factor = |side: f64, t: f64| match side {
+                0.0 => (1.0 - t * t, -2.0 * t),
+                side => (1.0 + side * t, side),
+            };
+            let ((p, of_p), (q, of_q)) = (factor(c, xi), factor(d, eta));
+            set(
+                a,
+                0.5 * s * p * q,
+                [0.5 * s * of_p * q, 0.5 * s * p * of_q, 0.5 * p * q],
+            );
+        }
+        let z = x[2];
+        (value[4], gradient[4]) = match self.is_linear() {
+            true => (z, [0.0, 0.0, 1.0]),
+            false => (z * (2.0 * z - 1.0), [0.0, 0.0, 4.0 * z - 1.0]),
+        };
     }
 
     /// By barycentric coordinates: λ, or λ (2 λ − 1) at corners and 4 λ μ at the middles of edges.

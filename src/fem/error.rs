@@ -66,7 +66,7 @@ pub enum FemError {
     },
     /// A cell of second order, which is not divided.
     #[error(
-        "cell {cell} is a {kind}: cells of second order are not divided; divide those of first order, then raise the order"
+        "cell {cell} is a {kind}, which is not divided: only cells of first order are; wedges and pyramids not into simplices"
     )]
     Order {
         /// The cell.

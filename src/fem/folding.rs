@@ -90,8 +90,8 @@ struct Part {
 }
 
 impl Determinant {
-    /// The degree along each axis: derivatives of the map are of one less than its order along their own axis and, in boxes, of its order
-    /// along the others.
+    /// The degree along each axis, or a bound of it: derivatives of the map are of one less than its order along their own axis and, in
+    /// boxes, of its order along the others. Wedges and pyramids have no more, the latter in the coordinates of the collapsed cube.
     const fn degree(kind: CellKind) -> usize {
         match kind.reference().is_simplex() {
             true => kind.dim() * (kind.order() - 1),
@@ -174,9 +174,21 @@ impl Determinant {
 
     /// Reference coordinates of a point of the unit cube.
     fn reference(&self, p: [f64; 3]) -> [f64; 3] {
-        match self.kind.reference().is_simplex() {
-            true => [p[0], (1.0 - p[0]) * p[1], (1.0 - p[0]) * (1.0 - p[1]) * p[2]],
-            false => std::array::from_fn(|d| if d < self.dim { 2.0 * p[d] - 1.0 } else { 0.0 }),
+        match self.kind {
+            CellKind::Wedge | CellKind::Wedge15 => [p[0], (1.0 - p[0]) * p[1], 2.0 * p[2] - 1.0],
+            CellKind::Pyramid | CellKind::Pyramid13 => {
+                // At the apex itself the directions from it would be lost.
+                let width = (1.0 - p[2]).max(f64::EPSILON);
+                [
+                    (2.0 * p[0] - 1.0) * width,
+                    (2.0 * p[1] - 1.0) * width,
+                    1.0 - width,
+                ]
+            }
+            kind if kind.reference().is_simplex() => {
+                [p[0], (1.0 - p[0]) * p[1], (1.0 - p[0]) * (1.0 - p[1]) * p[2]]
+            }
+            _ => std::array::from_fn(|d| if d < self.dim { 2.0 * p[d] - 1.0 } else { 0.0 }),
         }
     }
 

@@ -95,7 +95,7 @@ impl Mesh {
     /// into six tetrahedra around one of its diagonals; groups are kept. Simplices are unchanged.
     ///
     /// # Errors
-    /// A hexahedron too distorted to be cut; quadrilaterals and hexahedra of second order ([`FemError::Order`]).
+    /// A hexahedron too distorted to be cut; quadrilaterals and hexahedra of second order, wedges and pyramids ([`FemError::Order`]).
     pub fn simplices(&self) -> Result<Self, FemError> {
         /// Paths from corner 0 to corner 6: conforming on structured grids, as opposite faces are cut the same way.
         const SIX: [[usize; 4]; 6] = [
@@ -127,7 +127,7 @@ impl Mesh {
                 CellKind::Hexahedron => {
                     cells.extend(SIX.map(|t| (CellKind::Tetrahedron, t.map(|a| n[a]).to_vec())));
                 }
-                kind if kind.order() == 2 && !kind.reference().is_simplex() => {
+                kind if !kind.reference().is_simplex() => {
                     return Err(FemError::Order {
                         cell,
                         kind: kind.name(),

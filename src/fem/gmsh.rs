@@ -116,17 +116,21 @@ fn cell_kind(kind: i64) -> Option<CellKind> {
         3 => CellKind::Quadrilateral,
         4 => CellKind::Tetrahedron,
         5 => CellKind::Hexahedron,
+        6 => CellKind::Wedge,
+        7 => CellKind::Pyramid,
         9 => CellKind::Triangle6,
         10 => CellKind::Quadrilateral9,
         11 => CellKind::Tetrahedron10,
         12 => CellKind::Hexahedron27,
         16 => CellKind::Quadrilateral8,
         17 => CellKind::Hexahedron20,
+        18 => CellKind::Wedge15,
+        19 => CellKind::Pyramid13,
         _ => return None,
     })
 }
 
-/// The place in Gmsh's order of each node, where that is not ours: edges of tetrahedra and hexahedra, faces of hexahedra.
+/// The place in Gmsh's order of each node, where that is not ours: edges of cells in space, faces of hexahedra.
 fn order(kind: CellKind) -> Option<&'static [usize]> {
     const HEXAHEDRON: [usize; 27] = [
         0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15, 22, 23, 21, 24, 20, 25, 26,
@@ -134,6 +138,8 @@ fn order(kind: CellKind) -> Option<&'static [usize]> {
     match kind {
         CellKind::Tetrahedron10 => Some(&[0, 1, 2, 3, 4, 5, 6, 7, 9, 8]),
         CellKind::Hexahedron20 | CellKind::Hexahedron27 => Some(&HEXAHEDRON),
+        CellKind::Wedge15 => Some(&[0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11]),
+        CellKind::Pyramid13 => Some(&[0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12]),
         _ => None,
     }
 }

@@ -10,6 +10,8 @@ fn cells_of(kind: CellKind, count: usize) -> String {
         CellKind::Hexahedron => "hexahedra",
         CellKind::Tetrahedron => "tetrahedra",
         CellKind::Quadrilateral => "quadrilaterals",
+        CellKind::Wedge => "wedges",
+        CellKind::Pyramid => "pyramids",
         _ => "triangles",
     };
     match count {
@@ -53,6 +55,9 @@ impl ElasticSystem {
                         CellKind::Tetrahedron => {
                             "mesh with hexahedra, or take tetrahedra of second order (Mesh::second_order)"
                         }
+                        CellKind::Wedge | CellKind::Pyramid => {
+                            "mesh with hexahedra, or raise the order (Mesh::serendipity)"
+                        }
                         _ => "take the mean of the volumetric strain (Dilatation::Automatic)",
                     };
                     format!(
@@ -76,7 +81,7 @@ impl ElasticSystem {
     fn locks(&self, cell: usize) -> bool {
         let (kind, material) = (self.mesh.kind(cell), self.material_of[cell]);
         let compressed = self.mesh.dim() == 3 || self.plane != PlaneModel::Stress;
-        let stiff = kind.has_constant_strain() || kind.is_box() && !self.mean_dilatation[material];
+        let stiff = kind.order() == 1 && !(kind.is_box() && self.mean_dilatation[material]);
         compressed && stiff && self.materials[material].locks()
     }
 }

@@ -72,7 +72,8 @@ impl Mesh {
     /// The same mesh with cells of second order: with the middles of edges, of the faces of quadrilaterals and hexahedra and of these cells
     /// as further nodes, at the end ([`Triangle6`](CellKind::Triangle6), [`Quadrilateral9`](CellKind::Quadrilateral9),
     /// [`Tetrahedron10`](CellKind::Tetrahedron10), [`Hexahedron27`](CellKind::Hexahedron27)). Cells of second order stay as they are,
-    /// groups are kept.
+    /// groups are kept. Wedges and pyramids receive the middles of their edges alone ([`Wedge15`](CellKind::Wedge15),
+    /// [`Pyramid13`](CellKind::Pyramid13)): beside hexahedra take [`serendipity`](Self::serendipity).
     ///
     /// # Errors
     /// Hexahedra that are folded between their corners; neighbours that do not fit together.
@@ -93,6 +94,8 @@ impl Mesh {
             CellKind::Quadrilateral => CellKind::Quadrilateral9,
             CellKind::Tetrahedron => CellKind::Tetrahedron10,
             CellKind::Hexahedron => CellKind::Hexahedron27,
+            CellKind::Wedge => CellKind::Wedge15,
+            CellKind::Pyramid => CellKind::Pyramid13,
             kind => kind,
         })
     }
@@ -109,6 +112,8 @@ impl Mesh {
             CellKind::Quadrilateral => CellKind::Quadrilateral8,
             CellKind::Tetrahedron => CellKind::Tetrahedron10,
             CellKind::Hexahedron => CellKind::Hexahedron20,
+            CellKind::Wedge => CellKind::Wedge15,
+            CellKind::Pyramid => CellKind::Pyramid13,
             kind => kind,
         })
     }

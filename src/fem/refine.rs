@@ -6,7 +6,8 @@ use super::vectors::{key, mean};
 use super::{CellKind, FemError, Mesh};
 
 impl Mesh {
-    /// Every edge halved: triangles and quadrilaterals become four cells, tetrahedra and hexahedra eight. New nodes follow the old
+    /// Every edge halved: triangles and quadrilaterals become four cells, tetrahedra, hexahedra and wedges eight, pyramids six
+    /// pyramids and four tetrahedra. New nodes follow the old
     /// ones; groups are inherited.
     ///
     /// # Errors
@@ -22,8 +23,11 @@ impl Mesh {
         for cell in 0..self.num_cells() {
             let begin = cells.len();
             let kind = self.kind(cell);
-            for child in refiner.split(kind, self.cell(cell)) {
-                cells.push((kind, child));
+            if kind == CellKind::Pyramid {
+                cells.extend(refiner.split_pyramid(self.cell(cell)));
+            } else {
+                let own = refiner.split(kind, self.cell(cell)).into_iter();
+                cells.extend(own.map(|child| (kind, child)));
             }
             children.push(begin..cells.len());
         }
@@ -64,6 +68,7 @@ impl Refiner {
         match kind {
             CellKind::Tetrahedron => self.split_tetrahedron(n),
             CellKind::Hexahedron => self.split_hexahedron(n),
+            CellKind::Wedge => self.split_wedge(n),
             _ => self.split_face(n),
         }
     }
@@ -101,6 +106,52 @@ impl Refiner {
                 child
             })
             .collect()
+    }
+
+    fn split_wedge(&mut self, n: &[usize]) -> Vec<Vec<usize>> {
+        const TRIANGLES: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]];
+        // Corners of three triangles one above the other, then the middles of their edges.
+        let mut layers = [[0; 6]; 3];
+        for k in 0..3 {
+            let (m, [a, b]) = ((k + 1) % 3, [k, k + 3]);
+            layers[0][a] = n[k];
+            layers[1][a] = self.mid(&[n[k], n[k + 3]]);
+            layers[2][a] = n[k + 3];
+            layers[0][b] = self.mid(&[n[k], n[m]]);
+            layers[1][b] = self.mid(&[n[k], n[m], n[m + 3], n[k + 3]]);
+            layers[2][b] = self.mid(&[n[k + 3], n[m + 3]]);
+        }
+        let between = |low: usize| {
+            TRIANGLES.map(|t| {
+                let layer = |l: usize| t.map(|k| layers[l][k]);
+                [layer(low), layer(low + 1)].concat()
+            })
+        };
+        between(0).into_iter().chain(between(1)).collect()
+    }
+
+    fn split_pyramid(&mut self, n: &[usize]) -> Vec<(CellKind, Vec<usize>)> {
+        let centre = self.mid(&n[..4]);
+        let below: [usize; 4] = std::array::from_fn(|k| self.mid(&[n[k], n[(k + 1) % 4]]));
+        let above: [usize; 4] = std::array::from_fn(|k| self.mid(&[n[k], n[4]]));
+        let mut children = vec![
+            (
+                CellKind::Pyramid,
+                vec![above[0], above[1], above[2], above[3], n[4]],
+            ),
+            (
+                CellKind::Pyramid,
+                vec![above[0], above[3], above[2], above[1], centre],
+            ),
+        ];
+        for k in 0..4 {
+            let (before, after) = ((k + 3) % 4, (k + 1) % 4);
+            let corner = vec![n[k], below[k], centre, below[before], above[k]];
+            children.push((CellKind::Pyramid, corner));
+            let side = vec![below[k], centre, above[k], above[after]];
+            children.push((CellKind::Tetrahedron, side));
+        }
+        children
     }
 
     fn split_tetrahedron(&mut self, n: &[usize]) -> Vec<Vec<usize>> {

@@ -8,6 +8,7 @@ mod plastic;
 mod random;
 mod second_order;
 mod springs;
+mod wedges;
 
 use random::Random;
 use semismooth::fem::{
@@ -93,8 +94,13 @@ fn all_meshes() -> Vec<Mesh> {
         solid.simplices().unwrap(),
         solid,
     ];
+    let cut = [CellKind::Wedge, CellKind::Pyramid].map(|kind| wedges::cut(2, kind));
+    let cut = cut
+        .iter()
+        .flat_map(|m| [moved(m, bend), moved(&m.serendipity().unwrap(), bend)]);
+    let cut = cut.collect::<Vec<_>>();
     let second = raised(&all).iter().map(|m| moved(m, bend)).collect::<Vec<_>>();
-    meshes().into_iter().chain(second).collect()
+    meshes().into_iter().chain(second).chain(cut).collect()
 }
 
 /// Linear displacements are reproduced exactly, for every kind of cell, with a general anisotropic tensor.

@@ -12,6 +12,7 @@ _DIMENSIONS = {
     **dict.fromkeys(["line", "line3"], 1),
     **dict.fromkeys(["triangle", "quad", "triangle6", "quad8", "quad9"], 2),
     **dict.fromkeys(["tetra", "hexahedron", "tetra10", "hexahedron20", "hexahedron27"], 3),
+    **dict.fromkeys(["wedge", "pyramid", "wedge15", "pyramid13"], 3),
 }
 
 
