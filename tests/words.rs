@@ -50,6 +50,10 @@ fn names_are_read_back() {
         CellKind::Tetrahedron10,
         CellKind::Hexahedron20,
         CellKind::Hexahedron27,
+        CellKind::Wedge,
+        CellKind::Wedge15,
+        CellKind::Pyramid,
+        CellKind::Pyramid13,
     ]);
     read_back(&[PlaneModel::Strain, PlaneModel::Stress, PlaneModel::Axisymmetric]);
     read_back(&[Dilatation::Automatic, Dilatation::Pointwise, Dilatation::Mean]);

@@ -19,7 +19,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
             return None;
         }
         let load = self.operator.load_at(&[alpha]);
-        let z = free_motion(&self.operator.a, load.clone())?;
+        let z = free_motion(self.body().stiffness(), load.clone())?;
         let found = self.moved_by(alpha, &load, &z);
         found.or_else(|| self.moved_beyond_friction(alpha, &load))
     }
@@ -27,7 +27,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// The motion nearest to the load among those with zero energy that bring no node nearer (J. Farkas 1902: it is 0 exactly where contact
     /// forces balance the load), by planes that bound their cone: in the plane all of them, in space more where they are wanted.
     fn moved_beyond_friction(&self, alpha: f64, load: &[f64]) -> Option<ContactError> {
-        let motions = free_motions(&self.operator.a);
+        let motions = free_motions(self.body().stiffness());
         let (k, p) = (motions.len(), self.num_contacts());
         let traces: Vec<Vec<f64>> = motions.iter().map(|z| self.traces_of(z)).collect();
         let friction: Vec<[f64; 2]> = self
@@ -80,10 +80,11 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         None
     }
 
-    /// B z.
+    /// B z of the contact nodes.
     fn traces_of(&self, z: &[f64]) -> Vec<f64> {
         let mut moved = vec![0.0; self.num_traces()];
         Matrix::as_ref(&self.operator.b_t).mul_transpose_add(1.0, z, &mut moved);
+        moved.truncate(self.law.own_traces());
         moved
     }
 

@@ -75,7 +75,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         self.nodes_in_own_scale(x).iter().enumerate().all(|(i, v)| {
             let offsets = offsets(&nodes.body.gap, &nodes.reference, i);
             let mut size = size_of_forces(v, [0.0; 3]);
-            for (k, offset) in (i..q).step_by(p).zip(offsets) {
+            for (k, offset) in (i..nodes.own_traces()).step_by(p).zip(offsets) {
                 let blurred = if squares[k] > 0.0 {
                     blurred[k] / squares[k]
                 } else {

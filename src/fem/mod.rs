@@ -19,6 +19,7 @@ mod facet;
 #[cfg(feature = "serde")]
 mod file;
 mod folding;
+mod functions;
 mod generate;
 mod gmsh;
 mod material;

@@ -107,7 +107,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     ///
     /// # Errors
     /// Coefficients of friction that are negative or not finite; [`ContactError::NoStart`], with the best iterate and its history, when no
-    /// strategy finds a solution; in full form [`ContactError::Unbalanced`] where the reason is that the load moves the body in a direction
+    /// strategy finds a solution; of bodies without supports [`ContactError::Unbalanced`] where the reason is that the load moves the body in a direction
     /// that neither stiffness nor contact resists.
     pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
         Ok(self.solve_reported(alpha, start)?.x)
@@ -174,7 +174,10 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         let found = strategy::solve(&own, alpha, start, options, quick, &mut descend, observe);
         match found {
             Err(e @ ContactError::NoStart { .. }) if floats && !e.is_interrupted() => {
-                own.solve_released(alpha, start, options, observe)
+                match own.unbalanced(alpha) {
+                    Some(reason) => Err(reason),
+                    None => own.solve_released(alpha, start, options, observe),
+                }
             }
             // A body that is supported without contact is always in balance.
             Err(e @ ContactError::NoStart { .. }) if own.view.reduced().is_none() && !e.is_interrupted() => {
