@@ -452,6 +452,30 @@ fn the_condensed_map_of_a_floating_body_is_that_of_the_full_form() {
     }
 }
 
+/// Larger bodies have exact coefficients of their stored compliance, in which motions without energy have none: no solution lies at rounding's
+/// reciprocal, where the smallest eigenvalue of a stiffness matrix would put the open body.
+#[test]
+fn lists_of_floating_bodies_are_those_of_exactly_rigid_motions() {
+    let system = floating(Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2]).unwrap());
+    let rows = system
+        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
+        .unwrap();
+    let weight = system.body_force(|_| [0.0, -WEIGHT, 0.0]).unwrap();
+    let pull = system.body_force(|_| [WEIGHT, 0.0, 0.0]).unwrap();
+    let body = semismooth::contact_body(&system, &rows, LoadPath::affine(weight, pull)).unwrap();
+    let law = PlanarCoulomb::new(coefficient(0.4));
+    let condensed = CondensedContact::new(body, law).unwrap();
+    let x = condensed.solve(0.3, None).unwrap();
+    let found = all_solutions(&condensed, 0.3, &EnumerationOptions::default()).unwrap();
+    assert!(found.completeness.is_complete(), "{found}");
+    let distance = |y: &[f64]| {
+        let apart = x.iter().zip(y).map(|(a, b)| (a - b).abs());
+        apart.fold(0.0f64, f64::max)
+    };
+    assert!(found.solutions.iter().any(|s| distance(&s.x) < 1e-10), "{found}");
+    assert!(found.solutions.iter().all(|s| distance(&s.x) < 1.0), "{found}");
+}
+
 /// The sign of the determinant of the first columns, by elimination.
 fn determinant_sign(jac: &Matrix, n: usize) -> i32 {
     let mut a: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| jac.get(i, j)).collect()).collect();
