@@ -117,7 +117,8 @@ impl<L: NodeLaw> CondensedContact<L> {
     ///
     /// Of a body that contact or friction alone holds, so that A is only semidefinite with the k motions R without energy, there are k
     /// further unknowns before α: x = (λ, c, α), u = A⁺ (f − Bᵀ λ) + R c, and k rows of balance, Rᵀ (f − Bᵀ λ) = 0, after those of the law.
-    /// c are the displacements of k points, at which [`operator`](Interface::operator) has springs, whose forces c takes away. Solutions, transitions and signs of determinants are those of the full form.
+    /// c are the displacements of k points, at which [`operator`](Interface::operator) has springs, whose forces c takes away. Solutions,
+    /// transitions and signs of determinants are those of the full form.
     ///
     /// # Complexity
     /// That of [`Condensation::new`](crate::linear::Condensation::new) with q = 2p in the plane and 3p in space.

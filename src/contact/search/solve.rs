@@ -107,8 +107,8 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     ///
     /// # Errors
     /// Coefficients of friction that are negative or not finite; [`ContactError::NoStart`], with the best iterate and its history, when no
-    /// strategy finds a solution; of bodies without supports [`ContactError::Unbalanced`] where the reason is that the load moves the body in a direction
-    /// that neither stiffness nor contact resists.
+    /// strategy finds a solution; of bodies without supports [`ContactError::Unbalanced`] where the reason is that the load moves the body in
+    /// a direction that neither stiffness nor contact resists.
     pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
         Ok(self.solve_reported(alpha, start)?.x)
     }
