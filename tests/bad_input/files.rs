@@ -107,7 +107,7 @@ fn meshes() {
     refuses::<Mesh>(&file, "/dim", json!(3), "does not fit");
     refuses::<Mesh>(&file, "/nodes/0", json!(99), "node 99");
     refuses::<Mesh>(&file, "/nodes", json!([0, 1, 4]), "nodes of all cells");
-    refuses::<Mesh>(&file, "/kinds/0", json!("Wedge"), "Wedge");
+    refuses::<Mesh>(&file, "/kinds/0", json!("Prism"), "Prism");
     refuses::<Mesh>(&file, "/points/0", json!([9.0, 9.0, 0.0]), "Jacobian");
     refuses::<Mesh>(&file, "/facet_groups/foot/0", json!([0, 99]), "node 99");
     refuses::<Mesh>(&file, "/facet_groups/foot/0", json!([0, 0]), "facet 0");
