@@ -267,6 +267,7 @@ fn of_every_build() -> Vec<&'static str> {
         "newton::Damping": newton::Damping,
         "newton::Forcing": newton::Forcing,
         "newton::Iteration": newton::Iteration,
+        "newton::Linearisation": newton::Linearisation<'static, AutoSolver>,
         "newton::MoorePenrose": newton::MoorePenrose<AutoSolver>,
         "newton::Newton": newton::Newton,
         "newton::NewtonError": newton::NewtonError,

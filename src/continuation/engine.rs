@@ -1,16 +1,15 @@
 use std::collections::VecDeque;
 use std::fmt;
 
+use super::error::if_solved;
 use super::event::watch::Departure;
+use super::step::judge::Regularity;
 use super::{ContinuationError, ContinuationOptions, Event, Point, PointKind, Termination};
 use crate::clock::{Clock, Deadline};
 use crate::linear::LinearSolver;
 use crate::newton::MoorePenrose;
-use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Scaled, ScaledMap, Selection, TestLayout, Vanishing,
-};
+use crate::piecewise::{PiecewiseSmooth, Scaled, ScaledMap, Selection, TestLayout, Vanishing};
 use crate::sparse::{Matrix, norm};
-use crate::spread::golden;
 use crate::tolerances::ROUNDING;
 
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
@@ -40,6 +39,14 @@ pub(super) struct State {
     pub(super) residual_norm: f64,
     /// Distance from the last state, along the tangent there.
     pub(super) s: f64,
+}
+
+impl State {
+    /// Distance of x along the tangent.
+    pub(super) fn progress_to(&self, x: &[f64]) -> f64 {
+        let chord = x.iter().zip(&self.x).map(|(x, x0)| x - x0);
+        self.t.iter().zip(chord).map(|(t, c)| t * c).sum()
+    }
 }
 
 /// The solver of the corrector, of any type.
@@ -91,8 +98,7 @@ pub(super) struct Curve<'a, M: ?Sized = dyn ScaledMap + 'a> {
     /// Curvature of the last steps: turn of the tangent over length, decaying where the curve straightens.
     pub(super) curvature: f64,
     pub(super) points: usize,
-    /// The vector by which the regularity of ∇H is measured.
-    pub(super) probe: Vec<f64>,
+    pub(super) regularity: Regularity,
     /// Number of steps in a row that had to be shortened.
     pub(super) creeping: usize,
     pub(super) queue: VecDeque<Event>,
@@ -113,8 +119,6 @@ pub(super) struct Curve<'a, M: ?Sized = dyn ScaledMap + 'a> {
     pub(super) gradient_norms: Vec<f64>,
     pub(super) next_sizes: Vec<f64>,
     pub(super) residual: Vec<f64>,
-    pub(super) behind: Vec<f64>,
-    pub(super) sizes: Vec<f64>,
     /// Monitor functions, and their signs where a saved run ended.
     pub(super) watches: Vec<Watch<'a>>,
     pub(super) saved_sides: Vec<f64>,
@@ -142,7 +146,7 @@ impl<'a, M> Curve<'a, Scaled<M>> {
             row_sizes: self.row_sizes,
             curvature: self.curvature,
             points: self.points,
-            probe: self.probe,
+            regularity: self.regularity,
             creeping: self.creeping,
             queue: self.queue,
             termination: self.termination,
@@ -156,8 +160,6 @@ impl<'a, M> Curve<'a, Scaled<M>> {
             gradient_norms: self.gradient_norms,
             next_sizes: self.next_sizes,
             residual: self.residual,
-            behind: self.behind,
-            sizes: self.sizes,
             watches: self.watches,
             saved_sides: self.saved_sides,
         }
@@ -216,20 +218,14 @@ impl<'a> Curve<'a> {
         x: &[f64],
         t: &[f64],
     ) -> Result<Option<i8>, ContinuationError> {
-        match self.corrector.linearize(&self.map, selection, x, Some(t)) {
-            Ok(_) => Ok(self.corrector.orientation(t)),
-            Err(PiecewiseError::Linear(_)) => Ok(None),
-            Err(e) => Err(e.into()),
-        }
+        let at = if_solved(self.corrector.linearize(&self.map, selection, x, Some(t)))?;
+        Ok(at.and_then(|at| at.orientation(t)))
     }
 
     /// The unit tangent of the followed selection at `here`; `None` where it is singular.
     pub(super) fn tangent_here(&mut self) -> Result<Option<Vec<f64>>, ContinuationError> {
-        match (self.corrector).linearize(&self.map, &self.selection, &self.here.x, None) {
-            Ok(tangent) => Ok(Some(tangent.to_vec())),
-            Err(PiecewiseError::Linear(_)) => Ok(None),
-            Err(e) => Err(e.into()),
-        }
+        let at = (self.corrector).linearize(&self.map, &self.selection, &self.here.x, None);
+        Ok(if_solved(at)?.map(|at| at.tangent().to_vec()))
     }
 
     pub(super) fn emit_start(&mut self) {
@@ -329,12 +325,6 @@ impl fmt::Debug for Curve<'_> {
             .field("options", &self.options)
             .finish_non_exhaustive()
     }
-}
-
-/// A vector that is unlikely to be orthogonal to a given one.
-pub(super) fn generic_probe(n: usize) -> Vec<f64> {
-    let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
-    (0..n).map(|k| sign(k) * (0.5 + 0.5 * golden(k + 1))).collect()
 }
 
 /// Refuses a stored point that does not solve the equation of the map, up to this share of its terms: it is one of another map.

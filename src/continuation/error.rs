@@ -2,7 +2,7 @@ use thiserror::Error;
 
 use crate::InputError;
 use crate::enumeration::EnumerationError;
-use crate::newton::NewtonError;
+use crate::newton::{Correction, NewtonError};
 use crate::piecewise::{PiecewiseError, carries_maps};
 
 /// What can go wrong in starting or following a curve.
@@ -87,3 +87,19 @@ pub enum ContinuationError {
 }
 
 carries_maps!(ContinuationError);
+
+/// `None` where a linear system has no accurate solution, as next to singular points.
+pub(super) fn if_solved<T>(found: Result<T, PiecewiseError>) -> Result<Option<T>, PiecewiseError> {
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(PiecewiseError::Linear(_)) => Ok(None),
+        Err(e) => Err(e),
+    }
+}
+
+/// `None` where a correction does not converge, too.
+pub(super) fn if_converged<T>(
+    found: Result<(Correction, T), PiecewiseError>,
+) -> Result<Option<(Correction, T)>, PiecewiseError> {
+    Ok(if_solved(found)?.filter(|(c, _)| c.converged))
+}

@@ -4,13 +4,15 @@ use std::fmt::{self, Write};
 use std::time::Duration;
 
 use super::engine::{Curve, State, belongs};
+use super::error::if_solved;
 use super::start::{auto_corrector, prepare_at};
 use super::{Continuation, ContinuationError, ContinuationOptions, Event, Termination};
 use crate::InputError;
 use crate::clock::Clock;
 use crate::input::check_vector;
-use crate::piecewise::Vanishing;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, check_selection};
+use crate::piecewise::{
+    PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, check_selection,
+};
 
 /// The state of a [`Continuation`] between two events: point, tangent, selection, step size, options, counters, events not yet
 /// returned. With the `serde` feature it can be written and read in any format.
@@ -228,7 +230,7 @@ impl Curve<'_> {
             residual_scale: self.residual_scale,
             row_sizes: self.row_sizes.clone(),
             curvature: self.curvature,
-            probe: self.probe.clone(),
+            probe: self.regularity.probe.clone(),
             points: self.points,
             creeping: self.creeping,
             queue: self.queue.iter().cloned().collect(),
@@ -259,7 +261,7 @@ impl Curve<'_> {
         self.row_sizes.clone_from(&saved.row_sizes);
         self.curvature = saved.curvature;
         if !saved.probe.is_empty() {
-            self.probe.clone_from(&saved.probe);
+            self.regularity.probe.clone_from(&saved.probe);
         }
         self.points = saved.points;
         self.creeping = saved.creeping;
@@ -282,9 +284,7 @@ impl Curve<'_> {
             return Ok(());
         }
         let State { x, t, .. } = &self.here;
-        match self.corrector.linearize(&self.map, &self.selection, x, Some(t)) {
-            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(()),
-            Err(e) => Err(e.into()),
-        }
+        if_solved(self.corrector.linearize(&self.map, &self.selection, x, Some(t)))?;
+        Ok(())
     }
 }

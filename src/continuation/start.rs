@@ -2,9 +2,11 @@
 
 use std::collections::VecDeque;
 
-use super::engine::{Curve, Solver, State, generic_probe, term_size};
+use super::engine::{Curve, Solver, State, term_size};
+use super::error::{if_converged, if_solved};
 use super::event::watch::Departure;
 use super::point::{Arms, PointDoubt};
+use super::step::judge::Regularity;
 use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
 use crate::InputError;
 use crate::clock::Clock;
@@ -325,19 +327,16 @@ impl<'a> Curve<'a> {
         let reach = NEAR * self.options.vanishing_distance * (1.0 + norm(&x));
         let active = ActiveSet::from_tests(&self.map, &self.layout, &self.here.theta, vec![v.index]);
         for selection in active.selections().filter(|s| *s != self.selection) {
-            let tangent = match self.corrector.linearize(&self.map, &selection, &x, None) {
-                Ok(tangent) => tangent.to_vec(),
-                Err(PiecewiseError::Linear(_)) => return Ok(true),
-                Err(e) => return Err(e.into()),
+            let at = if_solved(self.corrector.linearize(&self.map, &selection, &x, None))?;
+            let Some(tangent) = at.map(|at| at.tangent().to_vec()) else {
+                return Ok(true);
             };
             let (mut y, mut t) = (x.clone(), tangent.clone());
-            let corrected = self
-                .corrector
-                .correct_in_plane(&self.map, &selection, &x, &tangent, 0.0, &mut y, &mut t);
-            match corrected {
-                Ok(c) if c.converged && distance(&x, &y) > reach => {}
-                Ok(_) | Err(PiecewiseError::Linear(_)) => return Ok(true),
-                Err(e) => return Err(e.into()),
+            let corrected =
+                self.corrector
+                    .correct_in_plane(&self.map, &selection, (&x, &tangent, 0.0), &mut y, &mut t);
+            if if_converged(corrected)?.is_none() || distance(&x, &y) <= reach {
+                return Ok(true);
             }
         }
         Ok(false)
@@ -438,7 +437,7 @@ pub(super) fn prepare_at<'a, 'b>(
         state,
         selection,
     } = Start::at(&map, x)?;
-    let (m, n) = (map.num_vars(), map.num_residuals());
+    let n = map.num_residuals();
     Ok(Curve {
         map,
         h: options.step.min(options.max_step),
@@ -459,7 +458,7 @@ pub(super) fn prepare_at<'a, 'b>(
         row_sizes: Vec::new(),
         next_sizes: Vec::new(),
         curvature: 0.0,
-        probe: generic_probe(n),
+        regularity: Regularity::new(n),
         points: 0,
         creeping: 0,
         queue: VecDeque::new(),
@@ -470,8 +469,6 @@ pub(super) fn prepare_at<'a, 'b>(
         departure: Departure::default(),
         gradient_norms: Vec::new(),
         residual: vec![0.0; n],
-        behind: vec![0.0; m],
-        sizes: Vec::new(),
         watches: Vec::new(),
         saved_sides: Vec::new(),
     })

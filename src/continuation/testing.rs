@@ -29,7 +29,7 @@ impl Curve<'_> {
         self.next = self.here.clone();
         self.next.x.copy_from_slice(&x);
         self.next.t.copy_from_slice(&t);
-        self.next.s = self.progress_to(&x);
+        self.next.s = self.here.progress_to(&x);
         self.map.test_functions(&x, &mut self.next.theta);
     }
 }

@@ -1,7 +1,6 @@
 //! Steps, tangents and solutions of linear systems from the factors of a Jacobian at a nearby point (chord method).
 
-use super::MoorePenrose;
-use super::moore_penrose::CONTRACTION;
+use super::moore_penrose::{CONTRACTION, Held, Linearisation, MoorePenrose};
 use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{dot, norm};
@@ -20,13 +19,13 @@ impl<L: LinearSolver> MoorePenrose<L> {
         selection: &Selection,
         x: &[f64],
         hint: Option<&[f64]>,
-    ) -> Result<&[f64], PiecewiseError> {
-        let known = self.last.as_ref() == Some(selection) && self.last_point.as_deref() == Some(x);
+    ) -> Result<Linearisation<'_, L>, PiecewiseError> {
+        let known = self.held == Held::Point && self.selection == *selection && self.point == x;
         if !known || map.is_piecewise_affine() {
             return self.linearize(map, selection, x, hint);
         }
-        self.assemble(map, selection, x)?;
-        Ok(self.tangent())
+        self.assemble_again(&map, x)?;
+        Ok(Linearisation::of(self))
     }
 
     /// Replaces `t` by the tangent at x: by iterative refinement with the stored factors of a nearby point, or, where that converges
@@ -37,12 +36,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &[f64],
         t: &mut [f64],
     ) -> Result<(), PiecewiseError> {
-        let Some(selection) = self.last.clone() else {
-            return Ok(());
-        };
-        self.assemble(map, &selection, x)?;
-        self.last_point = None;
-        self.refined = true;
+        self.assemble_again(map, x)?;
+        self.held = Held::Refined;
         let mut change = 1.0;
         loop {
             let next = self.bordered.refine_tangent(&self.jac)?;
@@ -50,8 +45,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
                 break;
             }
             if next.is_nan() || next > CONTRACTION * change {
-                self.factor_at(&selection, x, Some(t))?;
-                self.refined = false;
+                self.factor_again(x, Some(t))?;
                 break;
             }
             change = next;
@@ -64,7 +58,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// much.
     pub(super) fn solve_here(&mut self, t: &[f64]) -> Result<bool, LinearError> {
         self.bordered.solve(&self.r, t, 0.0, &mut self.dx)?;
-        if !self.refined {
+        if self.held != Held::Refined {
             return Ok(true);
         }
         let (rest, change) = &mut self.errors;
@@ -89,7 +83,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// v ← the solution of ∇Hᵀ v + s t = dx for the assembled Jacobian, in the same way.
     pub(super) fn solve_transpose_here(&mut self, t: &[f64], v: &mut [f64]) -> Result<(), LinearError> {
         let mut s = self.bordered.solve_transpose(&self.dx, t, v)?;
-        if !self.refined {
+        if self.held != Held::Refined {
             return Ok(());
         }
         let (change, rest) = &mut self.errors;
@@ -229,17 +223,17 @@ mod tests {
         let (map, sigma) = (coupled(), Selection::uniform(0, 0));
         for (h, seed) in [(0.5, 1), (2.0, 2), (6.0, 3)] {
             let mut chords = corrector(&map);
-            let t = chords
-                .linearize(&map, &sigma, &[0.0; N + 1], None)
-                .unwrap()
-                .to_vec();
+            let there = chords.linearize(&map, &sigma, &[0.0; N + 1], None);
+            let t = there.unwrap().tangent().to_vec();
             let guess: Vec<f64> = t.iter().map(|t| h * t).collect();
             let tolerances = (1e-11, 1e-8 * h);
             let (mut x, mut own, mut frozen) = (guess.clone(), t.clone(), sigma.clone());
             let before = chords.factorisations();
-            let found =
-                (chords.correct(&map, &mut frozen, |_, _| {}, &mut x, &mut own, tolerances, 10)).unwrap();
+            let found = chords.correct(&map, &mut frozen, |_, _| {}, &mut x, &mut own, tolerances, 10);
+            let (found, at) = found.unwrap();
             assert!(found.converged && found.residual_norm < 1e-13, "{found:?}");
+            assert!(at.point().is_none() && *at.selection() == sigma);
+            let signs = (at.orientation(&own), at.det_sign());
             assert_eq!(chords.factorisations(), before + 1);
 
             let (mut newton, mut there, mut turned) = (corrector(&map), guess, t.clone());
@@ -247,7 +241,7 @@ mod tests {
             loop {
                 let free = (f64::INFINITY, f64::INFINITY);
                 let step = newton.correct(&map, &mut frozen, |_, _| {}, &mut there, &mut turned, free, 1);
-                let step = step.unwrap();
+                let (step, _) = step.unwrap();
                 count += 1;
                 if step.residual_norm < tolerances.0 && step.step_norm < tolerances.1 {
                     break;
@@ -257,20 +251,22 @@ mod tests {
             assert!(distance(&x, &there) < 1e-3 * h);
 
             let mut anew = corrector(&map);
-            let tangent = anew.linearize(&map, &sigma, &x, Some(&own)).unwrap().to_vec();
+            let exact = anew.linearize(&map, &sigma, &x, Some(&own)).unwrap();
+            assert_eq!((exact.point(), exact.selection()), (Some(&x[..]), &sigma));
+            assert_eq!(signs, (exact.orientation(&own), exact.det_sign()));
+            let tangent = exact.tangent().to_vec();
             assert!(
                 dot(&tangent, &own).abs() > 0.9
                     && (distance(&tangent, &own) < 1e-10 || dot(&tangent, &own) < 0.0)
             );
-            assert_eq!(chords.orientation(&own), anew.orientation(&own));
-            assert_eq!(chords.det_sign(), anew.det_sign());
             let mut random = Random::new(seed);
             let probe: Vec<f64> = (0..N).map(|_| random.symmetric()).collect();
             let measured = [&mut chords, &mut anew].map(|corrector| {
                 let (mut v, mut behind) = (probe.clone(), vec![0.0; N + 1]);
                 let at = (x.as_slice(), own.as_slice());
-                let rate = corrector.decline(&map, &sigma, at, 1e-3 * h, &mut [1.0; N], &mut v, &mut behind);
-                (rate.unwrap().unwrap(), v)
+                let held = Linearisation::of(corrector);
+                let rate = held.decline(&map, at, 1e-3 * h, &mut [1.0; N], &mut v, &mut behind);
+                (rate.unwrap().0.unwrap(), v)
             });
             let [(rate, v), (exact, w)] = measured;
             assert!(
@@ -287,13 +283,11 @@ mod tests {
     fn solutions_are_those_of_the_jacobian_at_hand() {
         let (map, mut sigma) = (coupled(), Selection::uniform(0, 0));
         let mut chords = corrector(&map);
-        let mut t = chords
-            .linearize(&map, &sigma, &[0.0; N + 1], None)
-            .unwrap()
-            .to_vec();
+        let start = chords.linearize(&map, &sigma, &[0.0; N + 1], None);
+        let mut t = start.unwrap().tangent().to_vec();
         let mut x: Vec<f64> = t.iter().map(|t| 6.0 * t).collect();
         let found = chords.correct(&map, &mut sigma, |_, _| {}, &mut x, &mut t, (1e-11, 1e-8), 10);
-        assert!(found.unwrap().converged && chords.refined);
+        assert!(found.unwrap().0.converged && chords.held == Held::Refined);
         let mut anew = corrector(&map);
         anew.linearize(&map, &sigma, &x, Some(&t)).unwrap();
         let mut random = Random::new(4);
@@ -357,19 +351,26 @@ mod tests {
                 let mut frozen = sigma.clone();
                 let found =
                     corrector.correct(&map, &mut frozen, |_, _| {}, &mut x, &mut t, (1e-12, 1e-9), 10);
-                assert!(found.unwrap().converged);
+                assert!(found.unwrap().0.converged);
                 (map, corrector, guess, x, t)
             };
             let (_, _, guess, end, _) = correct(-3.0);
             let (map, mut chords, _, x, t) = correct(guess + side * (end[1] - guess));
             let mut anew = corrector(&map);
-            anew.linearize(&map, &sigma, &x, Some(&t)).unwrap();
-            let between = side < 1.0;
-            assert_eq!(chords.orientation(&t) != anew.orientation(&t), between);
+            let exact = anew
+                .linearize(&map, &sigma, &x, Some(&t))
+                .unwrap()
+                .orientation(&t);
+            let at = Linearisation::of(&mut chords);
+            assert_eq!(at.orientation(&t) != exact, side < 1.0);
             let (mut v, mut behind) = (vec![0.1; N], vec![0.0; N + 1]);
-            let at = (x.as_slice(), t.as_slice());
-            (chords.decline(&map, &sigma, at, 1e-4, &mut [1.0; N], &mut v, &mut behind)).unwrap();
-            assert_eq!(chords.orientation(&t), anew.orientation(&t));
+            let place = (x.as_slice(), t.as_slice());
+            let (_, at) = at
+                .decline(&map, place, 1e-4, &mut [1.0; N], &mut v, &mut behind)
+                .unwrap();
+            assert_eq!(at.orientation(&t), exact);
+            // Factors that were made anew are those of this point.
+            assert!(side > 1.0 || at.point() == Some(x.as_slice()));
         }
     }
 
@@ -380,12 +381,14 @@ mod tests {
         let mut corrector = corrector(&map);
         let points = [0.0, 1.0, 1.0, 0.0].map(|v| vec![v; N + 1]);
         for (x, made) in points.iter().zip([1, 2, 2, 3]) {
-            let tangent = corrector.linearize_again(&map, &sigma, x, None).unwrap().to_vec();
+            let at = corrector.linearize_again(&map, &sigma, x, None).unwrap();
+            assert_eq!(at.point(), Some(x.as_slice()));
+            let tangent = at.tangent().to_vec();
             assert_eq!(corrector.factorisations(), made);
             let mut product = vec![0.0; N];
             let mut jac = Matrix::zeros(map.pattern());
             map.jacobian(&sigma, x, &mut jac);
-            assert_eq!(corrector.jacobian().values(), jac.values());
+            assert_eq!(corrector.jac.values(), jac.values());
             jac.mul_vec(&tangent, &mut product);
             assert!(norm(&product) < 1e-13);
         }

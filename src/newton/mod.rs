@@ -21,7 +21,7 @@ pub(crate) use enclosed::{regular_radius, step_enclosure};
 pub use error::{NewtonError, Unsolved};
 pub use forcing::{Forcing, NewtonKrylovOptions};
 pub use inexact::NewtonKrylov;
-pub use moore_penrose::{Correction, MoorePenrose};
+pub use moore_penrose::{Correction, Linearisation, MoorePenrose};
 pub use options::{Damping, NewtonOptions};
 pub use report::{Convergence, Iteration, Report, Step};
 pub(crate) use report::{Tail, observed_order};

@@ -1,7 +1,9 @@
 mod condensed;
 mod correct;
+mod linearisation;
 
 use self::condensed::CondensedSystem;
+pub use self::linearisation::Linearisation;
 use super::chords::Secants;
 use crate::InputError;
 use crate::input::check_length;
@@ -20,28 +22,40 @@ pub struct MoorePenrose<L> {
     pub(super) r: Vec<f64>,
     pub(super) dx: Vec<f64>,
     iterations: usize,
-    /// The selection whose factored Jacobian is stored; for affine pieces it is valid at every x.
-    factored: Option<Selection>,
-    /// The selection whose Jacobian, at some point, has been factored last.
-    pub(super) last: Option<Selection>,
-    /// The point of those factors, where they and the tangent are exactly those of `last` there.
-    pub(super) last_point: Option<Vec<f64>>,
-    /// Whether the assembled Jacobian, whose tangent is known, is newer than the factored one.
-    pub(super) refined: bool,
+    pub(super) held: Held,
+    /// Selection and point of the factors held, as far as they belong to one.
+    pub(super) selection: Selection,
+    pub(super) point: Vec<f64>,
     /// The length of the steps that rounding errors of H cause with these factors, once computed.
     rounding: Option<f64>,
     /// Steps of the last correction by chords.
     pub(super) secants: Secants,
     /// Rounding errors of H, and the step that they cause.
     pub(super) errors: (Vec<f64>, Vec<f64>),
-    /// For affine pieces, the bordered Jacobian of a selection with updates, and whether it is the one in use.
+    /// For affine pieces, the bordered Jacobian of a selection with updates.
     pub(super) updated: Option<(Selection, RowUpdates)>,
-    pub(super) updated_at_hand: bool,
     /// The factors that these updates rely on, where they are hierarchical.
     pub(super) condensed: CondensedSystem,
     updates: usize,
     rows: Vec<usize>,
     changed_rows: Vec<usize>,
+}
+
+/// What the factors are of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Held {
+    /// No selection that is known.
+    Nothing,
+    /// The selection at the point.
+    Point,
+    /// The selection at another point nearby.
+    Nearby,
+    /// The same, while the assembled Jacobian and the tangent are those of the point itself.
+    Refined,
+    /// The selection at every point, as its piece is affine.
+    Everywhere,
+    /// The same by updates.
+    Updates,
 }
 
 /// Largest number of residuals for which the inverse of a full Jacobian is kept, rather than its factors.
@@ -111,15 +125,13 @@ impl<L: LinearSolver> MoorePenrose<L> {
             r: vec![0.0; n],
             dx: vec![0.0; m],
             iterations: 0,
-            factored: None,
-            last: None,
-            last_point: None,
-            refined: false,
+            held: Held::Nothing,
+            selection: Selection::default(),
+            point: Vec::new(),
             rounding: None,
             secants: Secants::default(),
             errors: (vec![0.0; n], vec![0.0; m]),
             updated: None,
-            updated_at_hand: false,
             condensed: CondensedSystem::default(),
             updates: 0,
             rows: Vec::new(),
@@ -157,64 +169,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.iterations
     }
 
-    /// The Jacobian assembled last.
-    pub(crate) fn jacobian(&self) -> &Matrix {
-        &self.jac
-    }
-
     fn at_hand(&self) -> Option<&RowUpdates> {
-        let updated = self.updated.as_ref().filter(|_| self.updated_at_hand);
+        let updated = self.updated.as_ref().filter(|_| self.held == Held::Updates);
         updated.map(|(_, updated)| updated)
-    }
-
-    /// The unit kernel vector of the last linearisation.
-    pub(crate) fn tangent(&self) -> &[f64] {
-        match self.at_hand() {
-            Some(updated) => updated.tangent(),
-            None => self.bordered.tangent(),
-        }
-    }
-
-    /// Sign of det [∇H; tᵀ] at the last linearisation, where determinants are known.
-    pub(crate) fn orientation(&self, t: &[f64]) -> Option<i8> {
-        match self.at_hand() {
-            Some(updated) => Some(updated.orientation(t)),
-            None => self.bordered.orientation(t),
-        }
-    }
-
-    /// Sign of det ∇_yH at the last linearisation, where determinants are known.
-    pub(crate) fn det_sign(&self) -> Option<i8> {
-        match self.at_hand() {
-            Some(updated) => {
-                let last = updated.tangent().last().copied().unwrap_or(0.0);
-                let sign = updated.orientation(updated.tangent());
-                Some(if last == 0.0 {
-                    0
-                } else {
-                    sign * last.signum() as i8
-                })
-            }
-            None => self.bordered.det_sign(),
-        }
-    }
-
-    /// Logarithm of |det [∇H; τᵀ]| at the last linearisation, where determinants are known.
-    pub(crate) fn log_det(&self) -> Option<f64> {
-        match self.at_hand() {
-            Some(updated) => Some(updated.log_det()),
-            None => self.bordered.log_det().map(|d| d.1),
-        }
-    }
-
-    /// H at the last iterate of a correction.
-    pub(crate) fn residual(&self) -> &[f64] {
-        &self.r
-    }
-
-    /// Reciprocal condition estimate of the last factorisation.
-    pub(crate) fn rcond(&mut self) -> Option<f64> {
-        self.bordered.rcond()
     }
 
     /// Number of updates by which factorisations were saved.
@@ -223,7 +180,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.updates
     }
 
-    /// Assembles ∇H^(σ)(x), factors it and computes its kernel.
+    /// Assembles ∇H^(σ)(x), factors it and computes its kernel. `hint` (length n + 1) is an approximate tangent.
     ///
     /// # Errors
     /// [`LinearError::Kernel`](crate::linear::LinearError::Kernel) where the kernel is not a line; entries outside the pattern;
@@ -234,8 +191,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
         selection: &Selection,
         x: &[f64],
         hint: Option<&[f64]>,
-    ) -> Result<&[f64], PiecewiseError> {
-        self.linearize_on(&map, selection, x, hint)
+    ) -> Result<Linearisation<'_, L>, PiecewiseError> {
+        self.linearize_on(&map, selection, x, hint)?;
+        Ok(Linearisation::of(self))
     }
 
     fn linearize_on(
@@ -244,21 +202,19 @@ impl<L: LinearSolver> MoorePenrose<L> {
         selection: &Selection,
         x: &[f64],
         hint: Option<&[f64]>,
-    ) -> Result<&[f64], PiecewiseError> {
+    ) -> Result<(), PiecewiseError> {
         self.check(map, selection, &[("the point x", x)])?;
         if !map.is_piecewise_affine() {
-            self.assemble(map, selection, x)?;
-            self.factor_at(selection, x, hint)?;
-            return Ok(self.tangent());
+            return self.assemble_and_factor(map, selection, x, hint);
         }
-        if self.factored.as_ref() == Some(selection) {
-            return Ok(self.tangent());
+        if self.holds_everywhere(selection) {
+            return Ok(());
         }
         if self.update(map, selection, x)? {
-            self.updated_at_hand = true;
+            self.held = Held::Updates;
             self.updates += 1;
         } else if self.factor_condensed(map, selection)? {
-            self.updated_at_hand = true;
+            self.held = Held::Updates;
         } else {
             self.assemble(map, selection, x)?;
             self.factor(hint)?;
@@ -266,9 +222,42 @@ impl<L: LinearSolver> MoorePenrose<L> {
             let keep_inverse = n <= DENSE_LIMIT || (self.jac.pattern().is_full() && n <= MAX_INVERSE);
             let updated = RowUpdates::new(&self.jac, &mut self.bordered, keep_inverse)?;
             self.updated = updated.map(|updated| (selection.clone(), updated));
+            self.held = Held::Everywhere;
         }
-        self.factored = Some(selection.clone());
-        Ok(self.tangent())
+        self.selection.copy_from(selection);
+        Ok(())
+    }
+
+    /// [`linearize`](Self::linearize) by factors of the Jacobian itself, with which transposed systems are solved, too.
+    ///
+    /// # Errors
+    /// As [`linearize`](Self::linearize).
+    pub(crate) fn factorise(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
+        selection: &Selection,
+        x: &[f64],
+        hint: Option<&[f64]>,
+    ) -> Result<Linearisation<'_, L>, PiecewiseError> {
+        self.check(map, selection, &[("the point x", x)])?;
+        self.assemble_and_factor(map, selection, x, hint)?;
+        Ok(Linearisation::of(self))
+    }
+
+    fn assemble_and_factor(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
+        selection: &Selection,
+        x: &[f64],
+        hint: Option<&[f64]>,
+    ) -> Result<(), PiecewiseError> {
+        self.assemble(map, selection, x)?;
+        Ok(self.factor_at(selection, x, hint)?)
+    }
+
+    /// Whether the factors are those of an affine piece.
+    fn holds_everywhere(&self, selection: &Selection) -> bool {
+        matches!(self.held, Held::Everywhere | Held::Updates) && self.selection == *selection
     }
 
     /// Factors the assembled Jacobian.
@@ -276,8 +265,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         if !self.condensed.in_use() {
             self.updated.take_if(|(_, updated)| updated.relies_on_factors());
         }
-        self.last = None;
-        self.last_point = None;
+        self.held = Held::Nothing;
         self.rounding = None;
         self.bordered.factor(&self.jac, hint)
     }
@@ -289,12 +277,16 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &[f64],
         hint: Option<&[f64]>,
     ) -> Result<(), LinearError> {
-        let mut point = self.last_point.take().unwrap_or_default();
+        self.selection.copy_from(selection);
+        self.factor_again(x, hint)
+    }
+
+    /// Factors the assembled Jacobian, which is that of the same selection at x.
+    pub(super) fn factor_again(&mut self, x: &[f64], hint: Option<&[f64]>) -> Result<(), LinearError> {
         self.factor(hint)?;
-        point.clear();
-        point.extend_from_slice(x);
-        self.last = Some(selection.clone());
-        self.last_point = Some(point);
+        self.point.clear();
+        self.point.extend_from_slice(x);
+        self.held = Held::Point;
         Ok(())
     }
 
@@ -326,7 +318,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         if self.condensed.in_use() {
             return self.update_condensed(map, selection, (known, updated));
         }
-        if !(self.updated_at_hand && self.factored.as_ref() == Some(&known)) {
+        if !(self.held == Held::Updates && self.selection == known) {
             self.assemble(map, &known, x)?;
         }
         updated.note(&mut &self.jac, &self.changed_rows);
@@ -349,8 +341,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         selection: &Selection,
         x: &[f64],
     ) -> Result<bool, PiecewiseError> {
-        self.factored = None;
-        self.updated_at_hand = false;
+        self.held = Held::Nothing;
         self.jac.clear_rows(&self.changed_rows);
         for site in known.differing_sites(selection) {
             if !map.site_jacobian(site, selection, x, &mut self.jac) {
@@ -363,11 +354,11 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// One correction of x, where H^(σ)(x) = `r`, with the stored factors if they are those of `selection` (affine pieces);
     /// false if they are not.
     pub(crate) fn refine(&mut self, selection: &Selection, r: &[f64], x: &mut [f64]) -> bool {
-        if self.factored.as_ref() != Some(selection) {
+        if !self.holds_everywhere(selection) {
             return false;
         }
         match &mut self.updated {
-            Some((_, updated)) if self.updated_at_hand => match self.condensed.base() {
+            Some((_, updated)) if self.held == Held::Updates => match self.condensed.base() {
                 Some(base) => updated.correct(r, x, base).is_ok(),
                 None => updated.correct(r, x, &mut self.bordered).is_ok(),
             },
@@ -382,19 +373,47 @@ impl<L: LinearSolver> MoorePenrose<L> {
         }
     }
 
-    /// Assembles ∇H^(σ)(x) without factoring it.
-    pub(crate) fn assemble<P: PiecewiseSmooth + ?Sized>(
+    /// ∇H^(σ)(x), not factored.
+    ///
+    /// # Errors
+    /// Entries outside the pattern.
+    pub(crate) fn jacobian_at(
         &mut self,
-        map: &P,
+        map: &dyn PiecewiseSmooth,
+        selection: &Selection,
+        x: &[f64],
+    ) -> Result<&Matrix, PiecewiseError> {
+        self.assemble(map, selection, x)?;
+        Ok(&self.jac)
+    }
+
+    /// Assembles ∇H^(σ)(x) without factoring it.
+    fn assemble(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
         selection: &Selection,
         x: &[f64],
     ) -> Result<(), PiecewiseError> {
-        self.factored = None;
-        self.updated_at_hand = false;
-        self.refined = false;
+        self.held = match self.held {
+            Held::Everywhere | Held::Updates => Held::Nothing,
+            Held::Refined => Held::Nearby,
+            held => held,
+        };
         self.jac.clear();
         map.jacobian(selection, x, &mut self.jac);
         self.check_stray()
+    }
+
+    /// [`assemble`](Self::assemble) for the selection of the factors.
+    pub(super) fn assemble_again(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
+        x: &[f64],
+    ) -> Result<(), PiecewiseError> {
+        let selection = std::mem::take(&mut self.selection);
+        let assembled = self.assemble(map, &selection, x);
+        self.selection = selection;
+        assembled
     }
 
     fn check_stray(&self) -> Result<(), PiecewiseError> {

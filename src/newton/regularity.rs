@@ -1,116 +1,13 @@
-//! Estimates at a point of a curve from the stored factors: how far rounding may have moved it, and how fast ∇H approaches singularity.
+//! Estimates at a point of a curve from its linearisation: how far rounding may have moved it, and how fast ∇H approaches singularity.
 
-use super::MoorePenrose;
 use super::convergence::row_sizes;
-use crate::linear::{LinearError, LinearSolver};
+use super::moore_penrose::{Held, Linearisation, MoorePenrose};
+use crate::linear::LinearSolver;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{dot, norm};
 use crate::spread::centred;
 
 impl<L: LinearSolver> MoorePenrose<L> {
-    /// The remaining correction of x within the hyperplane normal to `normal`, below the last bits of x: from H(x) and the last
-    /// factors, which must be those of a point next to x.
-    pub(crate) fn remainder<P: PiecewiseSmooth + ?Sized>(
-        &mut self,
-        map: &P,
-        selection: &Selection,
-        x: &[f64],
-        normal: &[f64],
-    ) -> Option<&[f64]> {
-        map.residual(selection, x, &mut self.r);
-        let solved = self.solve_across(normal);
-        solved.is_ok().then_some(self.dx.as_slice())
-    }
-
-    /// ∇H dx = r with dx normal to t, by the last linearisation.
-    fn solve_across(&mut self, t: &[f64]) -> Result<(), LinearError> {
-        match &mut self.updated {
-            Some((_, updated)) if self.updated_at_hand => match self.condensed.base() {
-                Some(base) => updated.solve_across(&self.r, t, &mut self.dx, base),
-                None => updated.solve_across(&self.r, t, &mut self.dx, &mut self.bordered),
-            },
-            _ => self.bordered.solve(&self.r, t, 0.0, &mut self.dx),
-        }
-    }
-
-    /// Effect of rounding errors in the terms of H on a function with the given gradient, at a point of the curve in a hyperplane normal to
-    /// `normal`: the root mean square over all signs of the errors, with the last factors, which must be those of a point next to x. `None`
-    /// where it cannot be estimated.
-    pub(crate) fn rounding_of(&mut self, gradient: &[f64], x: &[f64], normal: &[f64]) -> Option<f64> {
-        let (weights, terms) = (&mut self.errors.0, &mut self.r);
-        self.bordered.solve_transpose(gradient, normal, weights).ok()?;
-        row_sizes(self.jac.as_ref(), x, terms);
-        weights.iter_mut().zip(terms).for_each(|(w, t)| *w *= *t);
-        let mean = f64::EPSILON * norm(weights);
-        mean.is_finite().then_some(mean)
-    }
-
-    /// Entry k of the tangent at x, to first order in the error of `t`, and what rounding may have changed it by: errors of one rounding in
-    /// the terms of ∇H t, as a mean over their signs, and displacements of x by `moves`. Uses the last factors, which must be those of x.
-    /// `None` where it cannot be estimated.
-    ///
-    /// # Errors
-    /// Entries outside the pattern.
-    pub(crate) fn entry_of_tangent<P: PiecewiseSmooth + ?Sized>(
-        &mut self,
-        map: &P,
-        selection: &Selection,
-        (x, t): (&[f64], &[f64]),
-        k: usize,
-        moves: &[Vec<f64>],
-    ) -> Result<Option<(f64, f64)>, PiecewiseError> {
-        let (mut unit, mut weights) = (vec![0.0; x.len()], vec![0.0; self.r.len()]);
-        unit[k] = 1.0;
-        if self.bordered.solve_transpose(&unit, t, &mut weights).is_err() {
-            return Ok(None);
-        }
-        row_sizes(self.jac.as_ref(), t, &mut self.r);
-        let terms = self.r.iter().zip(&weights).map(|(r, w)| (r * w).powi(2));
-        let mut rounding = f64::EPSILON * terms.sum::<f64>().sqrt();
-        // To first order the tangent is t less the solution of ∇H d = ∇H t across it.
-        let mut off = |this: &Self| {
-            this.jac.mul_vec(t, &mut unit[..weights.len()]);
-            dot(&weights, &unit[..weights.len()])
-        };
-        let own = off(self);
-        for moved in moves {
-            let y: Vec<f64> = x.iter().zip(moved).map(|(x, m)| x + m).collect();
-            self.assemble(map, selection, &y)?;
-            rounding += (off(self) - own).abs();
-        }
-        let entry = t[k] - own;
-        Ok((entry.is_finite() && rounding.is_finite()).then_some((entry, rounding)))
-    }
-
-    /// The rate of entry k of the unit tangent along the curve at x, by central differences of ∇H over a distance. Uses the last factors, which
-    /// must be those of x. `None` where it cannot be found.
-    ///
-    /// # Errors
-    /// Entries outside the pattern.
-    pub(crate) fn turn_of_entry<P: PiecewiseSmooth + ?Sized>(
-        &mut self,
-        map: &P,
-        selection: &Selection,
-        (x, t): (&[f64], &[f64]),
-        k: usize,
-        distance: f64,
-    ) -> Result<Option<f64>, PiecewiseError> {
-        let (mut unit, mut weights) = (vec![0.0; x.len()], vec![0.0; self.r.len()]);
-        unit[k] = 1.0;
-        if self.bordered.solve_transpose(&unit, t, &mut weights).is_err() {
-            return Ok(None);
-        }
-        // ∇H ṫ = −(d/ds ∇H) t across t.
-        let mut rate = 0.0;
-        for h in [distance, -distance] {
-            let y: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + h * t).collect();
-            self.assemble(map, selection, &y)?;
-            self.jac.mul_vec(t, &mut self.r);
-            rate -= dot(&weights, &self.r) / (2.0 * h);
-        }
-        Ok(rate.is_finite().then_some(rate))
-    }
-
     /// Upper estimate, by inverse iteration, of the least singular value of ∇H^(σ)(x) with its rows divided by `sizes`; 0 where the
     /// factorisation fails.
     pub(crate) fn least_singular_value<P: PiecewiseSmooth + ?Sized>(
@@ -121,7 +18,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         sizes: &[f64],
     ) -> Result<f64, PiecewiseError> {
         const ITERATIONS: usize = 4;
-        self.assemble(map, selection, x)?;
+        self.jacobian_at(&map, selection, x)?;
         if self.factor(None).is_err() {
             return Ok(0.0);
         }
@@ -143,88 +40,175 @@ impl<L: LinearSolver> MoorePenrose<L> {
         }
         Ok(least)
     }
+}
 
-    /// The relative rate at which the regularity m of ∇H falls along the curve: −d ln m/ds with m = 1/‖∇H⁺ S v‖, S the row `sizes`,
-    /// from the last factors, those of a point next to x with the tangent t, and one more Jacobian at a distance. Towards a simple
-    /// singular point m falls linearly: it lies 1/rate ahead (or behind, where the rate is negative). `v` becomes that of the next step of
-    /// inverse iteration, so that m follows the least singular value. `None` where it cannot be estimated.
-    #[allow(clippy::too_many_arguments)]
-    pub(crate) fn decline<P: PiecewiseSmooth + ?Sized>(
+impl<L: LinearSolver> Linearisation<'_, L> {
+    /// The remaining correction of x, next to the point of the factors, within the hyperplane normal to `normal`: from H(x), below the last
+    /// bits of x.
+    pub(crate) fn remainder<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
-        selection: &Selection,
+        x: &[f64],
+        normal: &[f64],
+    ) -> Option<&[f64]> {
+        map.residual(&self.held.selection, x, &mut self.held.r);
+        let solved = self.solve_across(normal);
+        solved.is_ok().then_some(self.held.dx.as_slice())
+    }
+
+    /// Effect of rounding errors in the terms of H on a function with the given gradient, at a point x of the curve, next to that of the
+    /// factors, in a hyperplane normal to `normal`: the root mean square over all signs of the errors. `None` where it cannot be estimated.
+    pub(crate) fn rounding_of(&mut self, gradient: &[f64], x: &[f64], normal: &[f64]) -> Option<f64> {
+        let mut weights = std::mem::take(&mut self.held.errors.0);
+        let solved = self.solve_transpose(gradient, normal, &mut weights);
+        let terms = &mut self.held.r;
+        row_sizes(self.held.jac.as_ref(), x, terms);
+        weights.iter_mut().zip(terms).for_each(|(w, t)| *w *= *t);
+        let mean = f64::EPSILON * norm(&weights);
+        self.held.errors.0 = weights;
+        solved.filter(|()| mean.is_finite()).map(|()| mean)
+    }
+
+    /// Entry k of the tangent at x, the point of the factors, to first order in the error of `t`, and what rounding may have changed it by:
+    /// errors of one rounding in the terms of ∇H t, as a mean over their signs, and displacements of x by `moves`. `None` where it cannot be
+    /// estimated.
+    ///
+    /// # Errors
+    /// Entries outside the pattern.
+    pub(crate) fn entry_of_tangent<P: PiecewiseSmooth + ?Sized>(
+        mut self,
+        map: &P,
+        (x, t): (&[f64], &[f64]),
+        k: usize,
+        moves: &[Vec<f64>],
+    ) -> Result<Option<(f64, f64)>, PiecewiseError> {
+        let (mut unit, mut weights) = (vec![0.0; x.len()], vec![0.0; self.held.r.len()]);
+        unit[k] = 1.0;
+        if self.solve_transpose(&unit, t, &mut weights).is_none() {
+            return Ok(None);
+        }
+        let held = self.held;
+        row_sizes(held.jac.as_ref(), t, &mut held.r);
+        let terms = held.r.iter().zip(&weights).map(|(r, w)| (r * w).powi(2));
+        let mut rounding = f64::EPSILON * terms.sum::<f64>().sqrt();
+        // To first order the tangent is t less the solution of ∇H d = ∇H t across it.
+        let mut off = |held: &MoorePenrose<L>| {
+            held.jac.mul_vec(t, &mut unit[..weights.len()]);
+            dot(&weights, &unit[..weights.len()])
+        };
+        let own = off(held);
+        for moved in moves {
+            let y: Vec<f64> = x.iter().zip(moved).map(|(x, m)| x + m).collect();
+            held.assemble_again(&map, &y)?;
+            rounding += (off(held) - own).abs();
+        }
+        let entry = t[k] - own;
+        Ok((entry.is_finite() && rounding.is_finite()).then_some((entry, rounding)))
+    }
+
+    /// The rate of entry k of the unit tangent along the curve at x, the point of the factors, by central differences of ∇H over a distance.
+    /// `None` where it cannot be found.
+    ///
+    /// # Errors
+    /// Entries outside the pattern.
+    pub(crate) fn turn_of_entry<P: PiecewiseSmooth + ?Sized>(
+        mut self,
+        map: &P,
+        (x, t): (&[f64], &[f64]),
+        k: usize,
+        distance: f64,
+    ) -> Result<Option<f64>, PiecewiseError> {
+        let (mut unit, mut weights) = (vec![0.0; x.len()], vec![0.0; self.held.r.len()]);
+        unit[k] = 1.0;
+        if self.solve_transpose(&unit, t, &mut weights).is_none() {
+            return Ok(None);
+        }
+        // ∇H ṫ = −(d/ds ∇H) t across t.
+        let mut rate = 0.0;
+        for h in [distance, -distance] {
+            let y: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + h * t).collect();
+            self.held.assemble_again(&map, &y)?;
+            self.held.jac.mul_vec(t, &mut self.held.r);
+            rate -= dot(&weights, &self.held.r) / (2.0 * h);
+        }
+        Ok(rate.is_finite().then_some(rate))
+    }
+
+    /// The relative rate at which the regularity m of ∇H falls along the curve: −d ln m/ds with m = 1/‖∇H⁺ S v‖, S the row `sizes`, at x with
+    /// the tangent t, the point of the factors or next to it, from one more Jacobian at a distance. Towards a simple singular point m falls
+    /// linearly: it lies 1/rate ahead (or behind, where the rate is negative). `v` becomes that of the next step of inverse iteration, so that
+    /// m follows the least singular value. `None` where it cannot be estimated. Where the factors are those of a point too far away the
+    /// linearisation becomes that of x.
+    pub(crate) fn decline<P: PiecewiseSmooth + ?Sized>(
+        self,
+        map: &P,
         (x, t): (&[f64], &[f64]),
         distance: f64,
         sizes: &mut [f64],
         v: &mut [f64],
         behind: &mut [f64],
-    ) -> Result<Option<f64>, PiecewiseError> {
+    ) -> Result<(Option<f64>, Self), PiecewiseError> {
+        let held = &mut *self.held;
         // On trivial solutions the terms of all rows may vanish.
         if sizes.contains(&0.0) {
             sizes.fill(0.0);
-            (self.jac.triplets()).for_each(|(i, _, v)| sizes[i] += v.abs());
+            (held.jac.triplets()).for_each(|(i, _, v)| sizes[i] += v.abs());
         }
-        for ((r, size), v) in self.r.iter_mut().zip(&*sizes).zip(&*v) {
+        for ((r, size), v) in held.r.iter_mut().zip(&*sizes).zip(&*v) {
             *r = size * v;
         }
-        let mut solved = self.solve_here(t);
+        let mut solved = held.solve_here(t);
         if solved == Ok(false) {
             // A singular point may be this near in a direction that the corrections did not take: signs of determinants must be those here.
-            solved = self.factor_at(selection, x, Some(t)).map(|()| true);
-            self.refined = false;
-            if solved.is_ok() {
-                solved = self.solve_here(t);
-            }
+            solved = held.factor_again(x, Some(t)).and_then(|()| held.solve_here(t));
         }
-        let solved = solved.and_then(|_| self.solve_transpose_here(t, v));
+        let solved = solved.and_then(|_| held.solve_transpose_here(t, v));
         if solved.is_err() {
-            return Ok(None);
+            return Ok((None, self));
         }
         for ((y, x), t) in behind.iter_mut().zip(x).zip(t) {
             *y = x - distance * t;
         }
         // ∇H there, less ∇H here, times ∇H⁺ S v, which is S v here with the factors of this point.
-        if self.refined {
-            self.r.fill(0.0);
-            self.jac.as_ref().mul_add(1.0, &self.dx, &mut self.r);
+        if held.held == Held::Refined {
+            held.r.fill(0.0);
+            held.jac.as_ref().mul_add(1.0, &held.dx, &mut held.r);
         }
-        self.r.iter_mut().for_each(|r| *r = -*r);
-        self.assemble(map, selection, behind)?;
-        self.jac.as_ref().mul_add(1.0, &self.dx, &mut self.r);
-        let rate = dot(v, &self.r) / (distance * dot(&self.dx, &self.dx));
+        held.r.iter_mut().for_each(|r| *r = -*r);
+        held.assemble_again(&map, behind)?;
+        held.jac.as_ref().mul_add(1.0, &held.dx, &mut held.r);
+        let rate = dot(v, &held.r) / (distance * dot(&held.dx, &held.dx));
         v.iter_mut().zip(&*sizes).for_each(|(v, size)| *v *= size);
         let length = norm(v);
         v.iter_mut().for_each(|v| *v /= length);
-        Ok(rate.is_finite().then_some(rate))
+        Ok((rate.is_finite().then_some(rate), self))
     }
 
-    /// Two displacements by which rounding may have moved a point x off the curve of a selection: the corrections for errors of one
+    /// Two displacements by which rounding may have moved a point x, that of the factors, off the curve: the corrections for errors of one
     /// rounding of the terms of each residual (and for the residual itself), with two patterns of signs. `sizes` are those that the
     /// variables have had so far. Orthogonal to `t`.
     ///
     /// # Errors
-    /// As [`linearize`](Self::linearize).
+    /// As [`solve`](Self::solve).
     pub(crate) fn noise<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
-        selection: &Selection,
         (x, sizes): (&[f64], &[f64]),
         t: &[f64],
     ) -> Result<[Vec<f64>; 2], PiecewiseError> {
-        self.linearize_again(map, selection, x, Some(t))?;
-        map.residual(selection, x, &mut self.r);
-        let mut errors = vec![0.0; self.r.len()];
+        map.residual(&self.held.selection, x, &mut self.held.r);
+        let mut errors = vec![0.0; self.held.r.len()];
         self.add_term_sizes(&map, sizes, &mut errors);
-        for (e, r) in errors.iter_mut().zip(&self.r) {
+        for (e, r) in errors.iter_mut().zip(&self.held.r) {
             *e = r.abs() + f64::EPSILON * *e;
         }
         let mut moves = [vec![0.0; x.len()], vec![0.0; x.len()]];
         for (second, moved) in [false, true].into_iter().zip(&mut moves) {
-            for (i, (r, e)) in self.r.iter_mut().zip(&errors).enumerate() {
+            for (i, (r, e)) in self.held.r.iter_mut().zip(&errors).enumerate() {
                 *r = e.copysign(centred(i + 1, second));
             }
             self.solve_across(t)?;
-            moved.copy_from_slice(&self.dx);
+            moved.copy_from_slice(&self.held.dx);
         }
         Ok(moves)
     }
@@ -250,7 +234,8 @@ mod tests {
         let t = [0.5_f64.sqrt(); 2];
         for off in [0.0, 1e-12, -1e-9, 1e-6] {
             let x = [3.0 + off, 3.0];
-            let moves = corrector.noise(&map, &selection, (&x, &x), &t).unwrap();
+            let mut at = corrector.linearize(&map, &selection, &x, Some(&t)).unwrap();
+            let moves = at.noise(&map, (&x, &x), &t).unwrap();
             let distance = (x[0] - x[1]).abs() / 2.0_f64.sqrt();
             for moved in &moves {
                 let length = norm(moved);
@@ -270,8 +255,8 @@ mod tests {
         let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
         let (x, normal) = ([1.5, 0.375, 3.0], [0.0, 0.0, 1.0]);
         let selection = Selection::uniform(2, 0);
-        corrector.linearize(&map, &selection, &x, None).unwrap();
-        let found = corrector.rounding_of(&[0.0, 1.0, 0.0], &x, &normal).unwrap();
+        let mut at = corrector.linearize(&map, &selection, &x, None).unwrap();
+        let found = at.rounding_of(&[0.0, 1.0, 0.0], &x, &normal).unwrap();
         let expected = f64::EPSILON * f64::hypot(6.0 / 4.0, 6.0 / 8.0);
         assert!(
             (found - expected).abs() < 1e-6 * expected,
@@ -292,8 +277,9 @@ mod tests {
             let selection = Selection::from_pieces(pieces);
             let mut anew = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
             let expected = anew.least_singular_value(&map, &selection, &x, &sizes).unwrap();
-            let t = anew.tangent().to_vec();
-            let correction = anew.remainder(&map, &selection, &x, &t).unwrap();
+            let mut at = anew.linearize(&map, &selection, &x, None).unwrap();
+            let t = at.tangent().to_vec();
+            let correction = at.remainder(&map, &x, &t).unwrap();
             for known in [[0, 0], [1, 1]] {
                 let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
                 for s in [&Selection::from_pieces(known), &selection] {
@@ -305,14 +291,9 @@ mod tests {
                     (least.unwrap() - expected).abs() <= 1e-9 * expected,
                     "{known:?} {pieces:?}"
                 );
-                let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
-                corrector
-                    .linearize(&map, &Selection::from_pieces(known), &x, None)
-                    .unwrap();
-                corrector
-                    .least_singular_value(&map, &selection, &x, &sizes)
-                    .unwrap();
-                let found = corrector.remainder(&map, &selection, &x, &t).unwrap();
+                let mut at = corrector.linearize(&map, &selection, &x, None).unwrap();
+                assert_eq!((at.selection(), at.point()), (&selection, None));
+                let found = at.remainder(&map, &x, &t).unwrap();
                 let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-9 * norm(correction);
                 assert!(found.iter().zip(correction).all(near), "{known:?} {pieces:?}");
             }

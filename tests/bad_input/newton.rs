@@ -270,15 +270,17 @@ fn correctors() {
             "x of another length",
             "x",
             || {
-                moore().correct(
-                    &vee(),
-                    &mut good.clone(),
-                    choose,
-                    &mut x.clone(),
-                    &mut [1.0, 0.0],
-                    (1e-9, 1e-9),
-                    5,
-                )
+                moore()
+                    .correct(
+                        &vee(),
+                        &mut good.clone(),
+                        choose,
+                        &mut x.clone(),
+                        &mut [1.0, 0.0],
+                        (1e-9, 1e-9),
+                        5,
+                    )
+                    .map(drop)
             },
         );
         t.refuses(
@@ -286,15 +288,17 @@ fn correctors() {
             "t of another length",
             "t",
             || {
-                moore().correct(
-                    &vee(),
-                    &mut good.clone(),
-                    choose,
-                    &mut [0.5; 2],
-                    &mut x.clone(),
-                    (1e-9, 1e-9),
-                    5,
-                )
+                moore()
+                    .correct(
+                        &vee(),
+                        &mut good.clone(),
+                        choose,
+                        &mut [0.5; 2],
+                        &mut x.clone(),
+                        (1e-9, 1e-9),
+                        5,
+                    )
+                    .map(drop)
             },
         );
         t.refuses(
@@ -302,15 +306,15 @@ fn correctors() {
             "x of another length",
             "x",
             || {
-                moore().correct_in_plane(
-                    &vee(),
-                    &good,
-                    &[0.5; 2],
-                    &[1.0, 0.0],
-                    0.1,
-                    &mut x.clone(),
-                    &mut [1.0, 0.0],
-                )
+                moore()
+                    .correct_in_plane(
+                        &vee(),
+                        &good,
+                        (&[0.5; 2], &[1.0, 0.0], 0.1),
+                        &mut x.clone(),
+                        &mut [1.0, 0.0],
+                    )
+                    .map(drop)
             },
         );
         t.refuses(
@@ -318,15 +322,15 @@ fn correctors() {
             "t of another length",
             "t",
             || {
-                moore().correct_in_plane(
-                    &vee(),
-                    &good,
-                    &[0.5; 2],
-                    &[1.0, 0.0],
-                    0.1,
-                    &mut [0.5; 2],
-                    &mut x.clone(),
-                )
+                moore()
+                    .correct_in_plane(
+                        &vee(),
+                        &good,
+                        (&[0.5; 2], &[1.0, 0.0], 0.1),
+                        &mut [0.5; 2],
+                        &mut x.clone(),
+                    )
+                    .map(drop)
             },
         );
         t.refuses(
@@ -334,22 +338,32 @@ fn correctors() {
             "an anchor of another length",
             "anchor",
             || {
-                moore().correct_in_plane(
-                    &vee(),
-                    &good,
-                    &x,
-                    &[1.0, 0.0],
-                    0.1,
-                    &mut [0.5; 2],
-                    &mut [1.0, 0.0],
-                )
+                moore()
+                    .correct_in_plane(
+                        &vee(),
+                        &good,
+                        (&x, &[1.0, 0.0], 0.1),
+                        &mut [0.5; 2],
+                        &mut [1.0, 0.0],
+                    )
+                    .map(drop)
             },
         );
         t.refuses(
             "newton::MoorePenrose::correct_in_plane",
             "a normal of another length",
             "normal",
-            || moore().correct_in_plane(&vee(), &good, &[0.5; 2], &x, 0.1, &mut [0.5; 2], &mut [1.0, 0.0]),
+            || {
+                moore()
+                    .correct_in_plane(
+                        &vee(),
+                        &good,
+                        (&[0.5; 2], &x, 0.1),
+                        &mut [0.5; 2],
+                        &mut [1.0, 0.0],
+                    )
+                    .map(drop)
+            },
         );
         t.refuses(
             "newton::MoorePenrose::linearize",
@@ -386,15 +400,17 @@ fn correctors() {
             "a selection of another map",
             "selection",
             || {
-                moore().correct(
-                    &vee(),
-                    &mut selection.clone(),
-                    choose,
-                    &mut [0.5; 2],
-                    &mut [1.0, 0.0],
-                    (1e-9, 1e-9),
-                    5,
-                )
+                moore()
+                    .correct(
+                        &vee(),
+                        &mut selection.clone(),
+                        choose,
+                        &mut [0.5; 2],
+                        &mut [1.0, 0.0],
+                        (1e-9, 1e-9),
+                        5,
+                    )
+                    .map(drop)
             },
         );
         t.refuses(
@@ -402,40 +418,42 @@ fn correctors() {
             "a selection of another map",
             "selection",
             || {
-                moore().correct_in_plane(
-                    &vee(),
-                    &selection,
-                    &[0.5; 2],
-                    &[1.0, 0.0],
-                    0.1,
-                    &mut [0.5; 2],
-                    &mut [1.0, 0.0],
-                )
+                moore()
+                    .correct_in_plane(
+                        &vee(),
+                        &selection,
+                        (&[0.5; 2], &[1.0, 0.0], 0.1),
+                        &mut [0.5; 2],
+                        &mut [1.0, 0.0],
+                    )
+                    .map(drop)
             },
         );
     }
     for bad in BAD {
         t.survives("newton::MoorePenrose::correct", "x", || {
-            moore().correct(
-                &vee(),
-                &mut good.clone(),
-                choose,
-                &mut [bad, 0.5],
-                &mut [1.0, 0.0],
-                (1e-9, 1e-9),
-                5,
-            )
+            moore()
+                .correct(
+                    &vee(),
+                    &mut good.clone(),
+                    choose,
+                    &mut [bad, 0.5],
+                    &mut [1.0, 0.0],
+                    (1e-9, 1e-9),
+                    5,
+                )
+                .map(drop)
         });
         t.survives("newton::MoorePenrose::correct_in_plane", "s", || {
-            moore().correct_in_plane(
-                &vee(),
-                &good,
-                &[0.5; 2],
-                &[1.0, 0.0],
-                bad,
-                &mut [0.5; 2],
-                &mut [1.0, 0.0],
-            )
+            moore()
+                .correct_in_plane(
+                    &vee(),
+                    &good,
+                    (&[0.5; 2], &[1.0, 0.0], bad),
+                    &mut [0.5; 2],
+                    &mut [1.0, 0.0],
+                )
+                .map(drop)
         });
         t.survives("newton::MoorePenrose::linearize", "no numbers", || {
             moore()

@@ -84,7 +84,7 @@ fn corrections_and_lists() {
         let mut corrector = MoorePenrose::new(&map, DenseLu::new())?;
         let (mut x, mut t) = ([0.2, 0.3], [0.7, 0.7]);
         let mut selection = Selection::uniform(1, 1);
-        corrector.correct(
+        let found = corrector.correct(
             &map,
             &mut selection,
             |_, _| {},
@@ -92,7 +92,8 @@ fn corrections_and_lists() {
             &mut t,
             (1e-12, 1e-12),
             20,
-        )
+        );
+        found.map(|(correction, _)| correction)
     };
     with_each_failing(correct, |_, whole| assert!(whole.is_ok()));
     let options = EnumerationOptions::default();

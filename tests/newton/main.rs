@@ -422,10 +422,10 @@ fn points_in_a_plane_are_exact_in_any_unit() {
         let selection = Selection::uniform(1, 0);
         let (anchor, normal) = ([0.9 * radius, 0.6 * radius], [0.0, 1.0]);
         let (mut x, mut t) = (anchor, [0.0, 1.0]);
-        let found = corrector.correct_in_plane(&map, &selection, &anchor, &normal, 0.0, &mut x, &mut t);
+        let found = corrector.correct_in_plane(&map, &selection, (&anchor, &normal, 0.0), &mut x, &mut t);
         let missed = (x[0] / radius - 0.8).abs();
         assert!(
-            found.unwrap().converged && missed < 1e-14,
+            found.unwrap().0.converged && missed < 1e-14,
             "{radius:e} {missed:e}"
         );
     }
@@ -444,9 +444,10 @@ fn a_curve_that_misses_the_plane_is_not_met() {
         for start in [1e-1, 1e-3, 1e-5] {
             let (mut x, mut t) = ([start, 0.0], [0.0, 1.0]);
             let plane = ([start, 0.0], [0.0, 1.0]);
-            let found = corrector.correct_in_plane(&map, &selection, &plane.0, &plane.1, 0.0, &mut x, &mut t);
+            let found =
+                corrector.correct_in_plane(&map, &selection, (&plane.0, &plane.1, 0.0), &mut x, &mut t);
             assert!(
-                found.is_err() || !found.unwrap().converged,
+                found.is_err() || !found.unwrap().0.converged,
                 "{c:e} {start:e} {x:?}"
             );
         }
@@ -466,7 +467,7 @@ fn corrections_end_by_their_steps_as_well() {
         let (mut x, mut t) = ([2.0, 1.0], [0.5, 1.0]);
         let tolerances = (1e-8, tolerance);
         let found = corrector.correct(&map, &mut selection, |_, _| {}, &mut x, &mut t, tolerances, 20);
-        let found = found.unwrap();
+        let (found, _) = found.unwrap();
         assert!(found.converged && found.step_norm < tolerance, "{found:?}");
         assert!((x[0] * x[0] - x[1]).abs() < missed, "{x:?}");
     }
@@ -499,7 +500,11 @@ fn large_corrections_go_on_by_chords() {
     let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
     let mut selection = Selection::default();
     let mut x = vec![0.0; n + 1];
-    let mut t = corrector.linearize(&map, &selection, &x, None).unwrap().to_vec();
+    let mut t = corrector
+        .linearize(&map, &selection, &x, None)
+        .unwrap()
+        .tangent()
+        .to_vec();
     let along = t[n].signum();
     x.iter_mut().zip(&mut t).for_each(|(x, t)| {
         *t *= along;
@@ -508,13 +513,19 @@ fn large_corrections_go_on_by_chords() {
     let before = corrector.factorisations();
     let tolerances = (1e-9, 1e-9);
     let found = corrector.correct(&map, &mut selection, |_, _| {}, &mut x, &mut t, tolerances, 20);
-    let found = found.unwrap();
+    let (found, _) = found.unwrap();
     assert!(found.converged);
     assert_eq!((found.iterations, corrector.factorisations() - before), (3, 1));
     for y in &x[..n] {
         assert!((y + 20.0 * y * y - x[n]).abs() < 1e-12);
     }
     let there = corrector.linearize(&map, &selection, &x, Some(&t)).unwrap();
-    let sign = there[n].signum();
-    assert!(there.iter().zip(&t).all(|(a, b)| (sign * a - b).abs() < 1e-12));
+    let sign = there.tangent()[n].signum();
+    assert!(
+        there
+            .tangent()
+            .iter()
+            .zip(&t)
+            .all(|(a, b)| (sign * a - b).abs() < 1e-12)
+    );
 }

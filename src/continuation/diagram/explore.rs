@@ -559,9 +559,9 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
 /// The sign of det ∇_yH halfway between neighbouring points of a curve; `None` where it is not known.
 fn sign_between(map: &dyn PiecewiseSmooth, a: &Point, b: &Point) -> Option<i8> {
     let mut corrector = MoorePenrose::new(map, solver()).ok()?;
-    let (_, t) = Stretch::new(a, b)?.at(map, &mut corrector, 0.5).ok()??;
+    let (_, t, sign) = Stretch::new(a, b)?.at(map, &mut corrector, 0.5).ok()??;
     let vertical = t.last().is_some_and(|t| t.abs() <= 1e-7);
-    corrector.det_sign().map(|s| if vertical { 0 } else { s })
+    sign.map(|s| if vertical { 0 } else { s })
 }
 
 impl Diagram {

@@ -21,9 +21,9 @@ pub(super) fn told_apart(map: &dyn PiecewiseSmooth, normal: &[f64], places: [Pla
     let (mut points, mut error) = (Vec::new(), 0.0);
     for (x, selection) in places {
         let (mut y, mut t) = (x.to_vec(), normal.to_vec());
-        let corrected = corrector.correct_in_plane(map, selection, first.0, normal, 0.0, &mut y, &mut t);
+        let corrected = corrector.correct_in_plane(map, selection, (first.0, normal, 0.0), &mut y, &mut t);
         match corrected {
-            Ok(c) if c.converged && distance(x, &y) <= near => error += 2.0 * c.step_norm,
+            Ok((c, _)) if c.converged && distance(x, &y) <= near => error += 2.0 * c.step_norm,
             _ => return false,
         }
         points.push(y);
@@ -36,10 +36,8 @@ pub(super) fn told_apart(map: &dyn PiecewiseSmooth, normal: &[f64], places: [Pla
         .map(|(a, b)| (b - a) / apart)
         .collect();
     for ((_, selection), y) in places.iter().zip(&points) {
-        if corrector.linearize(map, selection, y, Some(normal)).is_err() {
-            return false;
-        }
-        let Some(rounding) = corrector.rounding_of(&direction, y, normal) else {
+        let at = corrector.factorise(&map, selection, y, Some(normal)).ok();
+        let Some(rounding) = at.and_then(|mut at| at.rounding_of(&direction, y, normal)) else {
             return false;
         };
         // Corrections are solved for relative to the whole point, not entry by entry.

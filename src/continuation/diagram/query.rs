@@ -272,7 +272,7 @@ fn onto_parameter(
         let middle = 0.5 * (low.0 + high.0);
         // Every third point is the midpoint: secants may keep one end fixed.
         let u = if round % 3 == 2 { middle } else { secant };
-        let Some((x, _)) = stretch.at(map, corrector, u)? else {
+        let Some((x, ..)) = stretch.at(map, corrector, u)? else {
             break;
         };
         let g = x[last] - alpha;
@@ -292,8 +292,8 @@ fn onto_parameter(
     let normal = along_parameter(last + 1);
     let (mut y, mut t) = (x.clone(), normal.clone());
     let offset = alpha - x[last];
-    match corrector.correct_in_plane(map, &a.selection, &x, &normal, offset, &mut y, &mut t) {
-        Ok(c) if c.converged && distance(&x, &y) <= 1e-6 * (1.0 + norm(&x)) => {
+    match corrector.correct_in_plane(map, &a.selection, (&x, &normal, offset), &mut y, &mut t) {
+        Ok((c, _)) if c.converged && distance(&x, &y) <= 1e-6 * (1.0 + norm(&x)) => {
             y[last] = alpha;
             Ok(Some(y))
         }

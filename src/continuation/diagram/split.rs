@@ -2,14 +2,15 @@
 
 use super::identity::{Place, told_apart};
 use super::{Diagram, DiagramEdge, DiagramVertex, EdgeEnd, VertexArm, VertexKind};
+use crate::continuation::error::if_converged;
 use crate::continuation::{Certainty, ContinuationError, Point, PointKind};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{distance, dot, norm};
 
-/// A point of a curve and its tangent there.
-type Placed = (Vec<f64>, Vec<f64>);
+/// A point of a curve, its tangent and the sign of det ∇_yH there.
+type Placed = (Vec<f64>, Vec<f64>, Option<i8>);
 
 /// The arc between neighbouring points of an edge, on their selection.
 pub(super) struct Stretch<'e> {
@@ -65,12 +66,10 @@ impl<'e> Stretch<'e> {
         let mut t = self.chord.clone();
         let selection = &a.selection;
         let s = u * self.length;
-        let corrected = corrector.correct_in_plane(map, selection, &a.x, &self.chord, s, &mut x, &mut t);
-        match corrected {
-            Ok(c) if c.converged && distance(&x, &guess) <= 0.1 * self.length => Ok(Some((x, t))),
-            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(None),
-            Err(e) => Err(e),
-        }
+        let corrected = corrector.correct_in_plane(map, selection, (&a.x, &self.chord, s), &mut x, &mut t);
+        let sign = if_converged(corrected)?.map(|(_, at)| at.det_sign());
+        let sign = sign.filter(|_| distance(&x, &guess) <= 0.1 * self.length);
+        Ok(sign.map(|sign| (x, t, sign)))
     }
 }
 
@@ -94,7 +93,7 @@ impl Diagram {
                     continue;
                 }
                 let u = stretch.fraction(x);
-                if let Some((y, t)) = stretch.at(map, &mut corrector, u)?
+                if let Some((y, t, _)) = stretch.at(map, &mut corrector, u)?
                     && distance(&y, x) <= reach
                     && !told_apart(map, &t, [place, (&y, &points[k - 1].selection)])
                 {

@@ -2,8 +2,9 @@
 
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, SINGULAR, State};
+use crate::continuation::error::if_solved;
 use crate::continuation::point::coincidence::SAFETY;
-use crate::piecewise::PiecewiseError;
+use crate::continuation::step::judge::ARMS;
 
 impl Curve<'_> {
     /// Sets the sign of α̇ on the curve beyond `here`, if it is not known.
@@ -40,7 +41,7 @@ impl Curve<'_> {
             // Beside undefined values the rounding is unknown; whether there is a fold is then decided where it is located.
             Some(_) => self.rate_of_parameter(state)?.unwrap_or((rate, 0.0)),
             // At a singular point only the accuracy of the arms is known.
-            None => (rate, self.tangent_noise_at(false)),
+            None => (rate, ARMS),
         };
         Ok(if rate.abs() > rounding {
             rate.signum() as i8
@@ -62,13 +63,14 @@ impl Curve<'_> {
             &self.next.x
         };
         let sizes: Vec<f64> = x.iter().zip(other).map(|(x, o)| x.abs().max(o.abs())).collect();
-        let moves = match self.corrector.noise(&self.map, &self.selection, (x, &sizes), t) {
-            Ok(moves) => moves,
-            Err(PiecewiseError::Linear(_)) => return Ok(None),
-            Err(e) => return Err(e.into()),
+        let at = (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t));
+        let Some(mut at) = if_solved(at)? else {
+            return Ok(None);
         };
-        let found =
-            (self.corrector).entry_of_tangent(&self.map, &self.selection, (x, t), x.len() - 1, &moves)?;
+        let Some(moves) = if_solved(at.noise(&self.map, (x, &sizes), t))? else {
+            return Ok(None);
+        };
+        let found = at.entry_of_tangent(&self.map, (x, t), x.len() - 1, &moves)?;
         Ok(found.map(|(rate, rounding)| (rate, SAFETY * rounding)))
     }
 }

@@ -1,9 +1,10 @@
 //! How a curve leaves a point along an arm: the selection to freeze, its orientation and its residual there.
 
-use crate::continuation::engine::{Curve, State, row_sizes};
+use crate::continuation::engine::{Curve, row_sizes};
+use crate::continuation::error::if_solved;
 use crate::continuation::point::units::Units;
 use crate::continuation::{Arm, ContinuationError};
-use crate::piecewise::{ActiveSet, PiecewiseError, Selection, Vanishing};
+use crate::piecewise::{ActiveSet, Selection, Vanishing};
 use crate::sparse::{dot, norm};
 use crate::tolerances::SELECTIONS;
 
@@ -63,66 +64,51 @@ impl Curve<'_> {
         if self.is_singular_here(&selection)? {
             self.here.decline = None;
         }
-        self.here.orientation = self.orientation_of(&selection, probe, &t)?;
-        self.here.det_sign = self.corrector.det_sign();
+        let at = if_solved(self.corrector.linearize(&self.map, &selection, probe, Some(&t)))?;
+        self.here.orientation = at.as_ref().and_then(|at| at.orientation(&t));
+        self.here.det_sign = at.and_then(|at| at.det_sign());
         Ok(())
     }
 
     /// Orientation, determinant and residual at `here`; a singular Jacobian (a branch point) leaves the signs unknown.
     fn linearize_here(&mut self) -> Result<(), ContinuationError> {
-        let State { x, t, .. } = &self.here;
-        let affine = self.map.is_piecewise_affine();
-        let tolerance = self.options.residual_tolerance;
+        let (x, t) = (&self.here.x, &self.here.t);
+        let (map, affine) = (&self.map, self.map.is_piecewise_affine());
         if !affine {
             // At a branch point ∇H may be zero: the terms of H a step ahead count, too.
             let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
-            self.corrector.assemble(&self.map, &self.selection, &ahead)?;
-            row_sizes(
-                self.corrector.jacobian(),
-                x,
-                (self.h, t),
-                tolerance,
-                &mut self.row_sizes,
-            );
+            for place in [&ahead, x] {
+                let jac = self.corrector.jacobian_at(&map, &self.selection, place)?;
+                let tolerance = self.options.residual_tolerance;
+                row_sizes(jac, x, (self.h, t), tolerance, &mut self.row_sizes);
+            }
         }
-        let linearized = (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t));
-        let regular = linearized.is_ok();
-        let (orientation, det_sign) = match linearized {
-            Ok(_) => (self.corrector.orientation(t), self.corrector.det_sign()),
-            Err(PiecewiseError::Linear(_)) => (None, None),
-            Err(e) => return Err(e.into()),
-        };
-        if !affine {
-            row_sizes(
-                self.corrector.jacobian(),
-                x,
-                (self.h, t),
-                tolerance,
-                &mut self.row_sizes,
-            );
-        } else if self.residual_scale == 0.0 {
+        if !affine || self.points == 0 {
+            // Steps on affine pieces have computed it, and H is continuous.
+            map.residual(&self.selection, x, &mut self.residual);
+            self.here.residual_norm = norm(&self.residual);
+        }
+        let at = if_solved((self.corrector).linearize_again(map, &self.selection, x, Some(t)))?;
+        self.here.orientation = at.as_ref().and_then(|at| at.orientation(t));
+        self.here.det_sign = at.as_ref().and_then(|at| at.det_sign());
+        self.here.decline = None;
+        if affine && self.residual_scale == 0.0 {
             // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more than the step.
             let sizes: Vec<f64> = (x.iter().zip(t))
                 .map(|(x, t)| x.abs() + self.h * t.abs())
                 .collect();
-            let mut sums = vec![0.0; self.map.num_residuals()];
-            (self.corrector).add_term_sizes(&&self.map, &sizes, &mut sums);
+            let mut sums = vec![0.0; map.num_residuals()];
+            match at {
+                Some(mut at) => at.add_term_sizes(&map, &sizes, &mut sums),
+                None => {
+                    let jac = self.corrector.jacobian_at(&map, &self.selection, x)?;
+                    jac.as_ref().add_term_sizes(&sizes, &mut sums);
+                }
+            }
             self.residual_scale = norm(&sums);
-        }
-        if !affine || self.points == 0 {
-            // Steps on affine pieces have computed it, and H is continuous.
-            self.map
-                .residual(&self.selection, &self.here.x, &mut self.residual);
-            self.here.residual_norm = norm(&self.residual);
-        }
-        self.here.orientation = orientation;
-        self.here.det_sign = det_sign;
-        self.here.decline = None;
-        if !affine && regular {
-            let mut here = std::mem::take(&mut self.here);
-            let known = self.find_decline(&mut here, self.h);
-            self.here = here;
-            known?;
+        } else if let Some(at) = at.filter(|_| !affine) {
+            let (decline, _) = (self.regularity).decline(at, map, &self.row_sizes, &self.here, self.h)?;
+            self.here.decline = Some(decline);
         }
         Ok(())
     }

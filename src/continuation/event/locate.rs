@@ -3,8 +3,11 @@
 use super::monitor::INSIDE;
 use super::watch::Monitor;
 use crate::continuation::engine::{Curve, State};
+use crate::continuation::error::{if_converged, if_solved};
 use crate::continuation::{ContinuationError, Termination};
-use crate::piecewise::{PiecewiseError, PiecewiseSmoothExt, Vanishing};
+use crate::linear::LinearSolver;
+use crate::newton::Linearisation;
+use crate::piecewise::{PiecewiseSmoothExt, ScaledMap, Selection, Vanishing};
 use crate::sparse::{distance, dot, norm};
 use crate::tolerances::HALVINGS;
 
@@ -55,9 +58,12 @@ impl Curve<'_> {
             Some(k) => self.coactive[k].0.clone(),
             None => self.selection.clone(),
         };
-        let sign = self.orientation_of(&selection, &state.x, &state.t)?;
-        let log = self.corrector.log_det().unwrap_or(0.0);
-        Ok(sign.filter(|s| *s != 0).map(|s| (f64::from(s), log)))
+        let at = (self.corrector).linearize(&self.map, &selection, &state.x, Some(&state.t));
+        let Some(at) = if_solved(at)? else {
+            return Ok(None);
+        };
+        let sign = at.orientation(&state.t).filter(|s| *s != 0);
+        Ok(sign.map(|s| (f64::from(s), at.log_det().unwrap_or(0.0))))
     }
 
     fn origin(&mut self, monitor: Monitor) -> Result<Origin, ContinuationError> {
@@ -101,21 +107,23 @@ impl Curve<'_> {
         monitor: Monitor,
     ) -> Result<Option<f64>, ContinuationError> {
         // Zeros of these frequent monitors are found without tangents in between.
-        let by_chords = matches!(monitor, Monitor::Facet { .. });
+        let mut chords = match monitor {
+            Monitor::Facet { index, .. } => Some(Chords::new(index)),
+            _ => None,
+        };
         let origin = self.origin(monitor)?;
         let here = self.here.clone();
         let mut high = self.next.clone();
         let (mut a, mut ga) = (0.0, self.monitor_value(monitor, &here, &origin)?);
         let (mut b, mut gb) = (high.s, self.monitor_value(monitor, &high, &origin)?);
         let mut state = high.clone();
-        let mut misses = Misses::default();
         if let Some(mut s) = self.between_zeros(monitor, ga) {
             // The bracket begins between the zero that the curve has left and the next one.
             let facet = matches!(monitor, Monitor::Facet { .. });
             let mut inside = false;
             // The rate at which a facet is left is known, and so is the place.
             for _ in 0..if facet { 1 } else { INSIDE } {
-                if !self.find_state(s, &high, &mut state, by_chords.then_some(&mut misses))? {
+                if !self.find_state(s, &high, &mut state, Find::by(&mut chords))? {
                     return Ok(None);
                 }
                 let g = self.monitor_value(monitor, &state, &origin)?;
@@ -135,7 +143,9 @@ impl Curve<'_> {
         let drop = if gb.is_finite() { (ga - gb).abs() } else { ga };
         let slope = drop / (b - a).max(f64::MIN_POSITIVE);
         let mut best: Option<(f64, State)> = None;
-        let mut rounding = None;
+        if let Some(chords) = &mut chords {
+            chords.rounding = None;
+        }
         for _ in 0..HALVINGS {
             let mut s = if gb < ga {
                 a + (b - a) * ga / (ga - gb)
@@ -145,7 +155,7 @@ impl Curve<'_> {
             if !(s > a && s < b) {
                 s = if ga == 0.0 && a == 0.0 { 0.0 } else { 0.5 * (a + b) };
             }
-            if !self.find_state(s, &high, &mut state, by_chords.then_some(&mut misses))? {
+            if !self.find_state(s, &high, &mut state, Find::by(&mut chords))? {
                 return Ok(None);
             }
             let g = self.monitor_value(monitor, &state, &origin)?;
@@ -155,11 +165,7 @@ impl Curve<'_> {
             if best.as_ref().is_none_or(|b| g.abs() < b.0) {
                 best = Some((g.abs(), state.clone()));
             }
-            let noise = match rounding {
-                Some(known) => known,
-                None => self.rounding_of(monitor, &state),
-            };
-            rounding = Some(noise);
+            let noise = chords.as_ref().and_then(|c| c.rounding).unwrap_or(0.0);
             if g.abs() <= (HIDDEN * noise).max(width * slope) || (b - a) <= width {
                 break;
             }
@@ -169,7 +175,7 @@ impl Curve<'_> {
             } else {
                 ga *= side_factor(g, gb);
                 (b, gb) = (s, g);
-                if !by_chords {
+                if chords.is_none() {
                     high = state.clone();
                 }
             }
@@ -198,18 +204,6 @@ impl Curve<'_> {
         let width = self.width(&state.x, self.next.s);
         let stays = value == 0.0 && self.side_beside(k, &state.x, &state.t, -width) == 0.0;
         if stays { f64::NEG_INFINITY } else { value }
-    }
-
-    /// Effect of rounding errors of H on the value of a test function at a state, as a mean over their signs: its zero is not determined
-    /// more accurately. Uses the stored factors, which must be those of a point nearby.
-    fn rounding_of(&mut self, monitor: Monitor, state: &State) -> f64 {
-        let Monitor::Facet { index, .. } = monitor else {
-            return 0.0;
-        };
-        let v = Vanishing::new(&self.map, &self.layout, &self.selection, index, &state.x);
-        (self.corrector)
-            .rounding_of(&v.gradient, &state.x, &self.here.t)
-            .unwrap_or(0.0)
     }
 
     /// Cubic interpolation between `here` and `high` at distance `s` along the tangent at `here`.
@@ -252,77 +246,57 @@ impl Curve<'_> {
         high: &State,
         state: &mut State,
     ) -> Result<bool, ContinuationError> {
-        self.find_state(s, high, state, None)
+        self.find_state(s, high, state, Find::Tangent)
     }
 
-    /// [`state_at`](Self::state_at); with `misses`, by chord steps and without the tangent: that of the guess is kept.
-    fn find_state(
+    /// [`state_at`](Self::state_at), with what else is wanted.
+    pub(super) fn find_state(
         &mut self,
         s: f64,
         high: &State,
         state: &mut State,
-        mut misses: Option<&mut Misses>,
+        mut find: Find<'_>,
     ) -> Result<bool, ContinuationError> {
         self.interpolate(s, high, state);
         let guess = state.x.clone();
         let (anchor, normal) = (&self.here.x, &self.here.t);
-        let corrected = match &mut misses {
-            Some(misses) => {
-                misses.add(s, high.s, &mut state.x);
-                (self.corrector).correct_by_chords(
-                    &self.map,
-                    &self.selection,
-                    (anchor, normal, s),
-                    &mut state.x,
-                )
+        let (map, selection) = (&self.map, &self.selection);
+        let State { x, t, .. } = state;
+        let corrected = match &mut find {
+            Find::Chords(chords) => {
+                chords.misses.add(s, high.s, x);
+                (self.corrector).correct_by_chords(map, selection, (anchor, normal, s), x)
             }
-            None => self.corrector.correct_in_plane(
-                &self.map,
-                &self.selection,
-                anchor,
-                normal,
-                s,
-                &mut state.x,
-                &mut state.t,
-            ),
+            _ => (self.corrector).correct_in_plane(map, selection, (anchor, normal, s), x, t),
         };
-        match corrected {
-            Ok(c) if c.converged => {
-                let strayed = distance(&state.x, &guess);
-                if strayed > STRAY * high.s + 1e-9 * (1.0 + norm(&guess)) {
-                    return Ok(false);
-                }
-                if let Some(misses) = misses {
-                    misses.note(s, &guess, &state.x);
-                }
-                state.residual_norm = c.residual_norm;
-                state.s = s;
-                self.map
-                    .tests_of_selection(&self.selection, &state.x, None, &mut state.theta);
-                self.refine_tests(state);
-                Ok(true)
+        let Some((correction, mut at)) = if_converged(corrected)? else {
+            return Ok(false);
+        };
+        if distance(&state.x, &guess) > STRAY * high.s + 1e-9 * (1.0 + norm(&guess)) {
+            return Ok(false);
+        }
+        state.residual_norm = correction.residual_norm;
+        state.s = s;
+        map.tests_of_selection(selection, &state.x, None, &mut state.theta);
+        refine_tests(&mut at, (map, selection), normal, &mut self.rates, state);
+        if !matches!(find, Find::Chords(_)) {
+            state.orientation = at.orientation(&state.t);
+        }
+        match find {
+            Find::Tangent => {}
+            Find::Decline(h) => {
+                let (decline, _) = (self.regularity).decline(at, map, &self.row_sizes, state, h)?;
+                state.decline = Some(decline);
             }
-            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(false),
-            Err(e) => Err(e.into()),
+            Find::Chords(chords) => {
+                chords.misses.note(s, &guess, &state.x);
+                if chords.rounding.is_none() {
+                    let v = Vanishing::new(map, &self.layout, selection, chords.index, &state.x);
+                    chords.rounding = at.rounding_of(&v.gradient, &state.x, normal).or(Some(0.0));
+                }
+            }
         }
-    }
-
-    /// Test functions that contain terms of H inherit its rounding errors, whatever the units of H: they are extrapolated to the point
-    /// where H vanishes, below the last bits of x.
-    fn refine_tests(&mut self, state: &mut State) {
-        let rest = (self.corrector).remainder(&self.map, &self.selection, &state.x, &self.here.t);
-        let Some(rest) = rest.filter(|rest| norm(rest) <= 1e-9 * (1.0 + norm(&state.x))) else {
-            return;
-        };
-        let mut rates = std::mem::take(&mut self.rates);
-        rates.resize(self.layout.total(), 0.0);
-        self.map
-            .tests_of_selection(&self.selection, &state.x, Some(rest), &mut rates);
-        let finite = rates.iter().all(|r| r.is_finite());
-        if finite {
-            state.theta.iter_mut().zip(&rates).for_each(|(t, r)| *t -= r);
-        }
-        self.rates = rates;
+        Ok(true)
     }
 
     /// Tangent, orientation, determinant and residual at the point itself.
@@ -330,39 +304,32 @@ impl Curve<'_> {
         &mut self,
         state: &mut State,
     ) -> Result<(), ContinuationError> {
-        let linearized = self
-            .corrector
-            .linearize(&self.map, &self.selection, &state.x, Some(&state.t));
-        match linearized {
-            // Next to a branch point the kernel is noise: the tangent at the start of the step is kept.
-            Ok(tangent) if dot(tangent, &self.here.t).abs() < self.options.min_cos => {
-                state.t.copy_from_slice(&self.here.t);
-                state.orientation = None;
-                state.det_sign = None;
-                state.decline = None;
-            }
-            Ok(tangent) => {
-                let sign = sign_of(dot(tangent, &state.t));
-                for (t, v) in state.t.iter_mut().zip(tangent) {
+        let (map, arrival) = (&self.map, &self.here.t);
+        let at = (self.corrector).linearize(map, &self.selection, &state.x, Some(&state.t));
+        let at = if_solved(at)?;
+        let singular = at.is_none();
+        // Next to a branch point the kernel is noise: the tangent at the start of the step is kept.
+        match at.filter(|at| dot(at.tangent(), arrival).abs() >= self.options.min_cos) {
+            Some(at) => {
+                let sign = sign_of(dot(at.tangent(), &state.t));
+                for (t, v) in state.t.iter_mut().zip(at.tangent()) {
                     *t = sign * v;
                 }
-                state.orientation = self.corrector.orientation(&state.t);
-                state.det_sign = self.corrector.det_sign();
-                self.find_decline(state, state.s)?;
+                state.orientation = at.orientation(&state.t);
+                state.det_sign = at.det_sign();
+                let (decline, _) = (self.regularity).decline(at, map, &self.row_sizes, state, state.s)?;
+                state.decline = Some(decline);
             }
-            Err(PiecewiseError::Linear(_)) => {
-                // So may be the state of the corrector.
-                if dot(&state.t, &self.here.t) < self.options.min_cos {
-                    state.t.copy_from_slice(&self.here.t);
+            None => {
+                // Where there is no kernel that of the state may be noise.
+                if !singular || dot(&state.t, arrival) < self.options.min_cos {
+                    state.t.copy_from_slice(arrival);
                 }
-                state.orientation = None;
-                state.det_sign = None;
-                state.decline = None;
+                (state.orientation, state.det_sign, state.decline) = (None, None, None);
             }
-            Err(e) => return Err(e.into()),
         }
-        let mut r = vec![0.0; self.map.num_residuals()];
-        self.map.residual(&self.selection, &state.x, &mut r);
+        let mut r = vec![0.0; map.num_residuals()];
+        map.residual(&self.selection, &state.x, &mut r);
         state.residual_norm = norm(&r);
         Ok(())
     }
@@ -380,6 +347,61 @@ impl Curve<'_> {
             }
         }
         Ok(())
+    }
+}
+
+/// Test functions that contain terms of H inherit its rounding errors, whatever the units of H: they are extrapolated to the point in the
+/// plane across `normal` where H vanishes, below the last bits of x. `rates` is scratch.
+fn refine_tests<L: LinearSolver>(
+    at: &mut Linearisation<'_, L>,
+    (map, selection): (&dyn ScaledMap, &Selection),
+    normal: &[f64],
+    rates: &mut Vec<f64>,
+    state: &mut State,
+) {
+    rates.resize(state.theta.len(), 0.0);
+    let size = 1.0 + norm(&state.x);
+    let rest = at.remainder(map, &state.x, normal);
+    let Some(rest) = rest.filter(|rest| norm(rest) <= 1e-9 * size) else {
+        return;
+    };
+    map.tests_of_selection(selection, &state.x, Some(rest), rates);
+    if rates.iter().all(|r| r.is_finite()) {
+        state.theta.iter_mut().zip(rates).for_each(|(t, r)| *t -= *r);
+    }
+}
+
+/// What is wanted of a point of the curve besides its place and its test functions.
+pub(super) enum Find<'f> {
+    /// Its tangent and its orientation.
+    Tangent,
+    /// These, and the decline of regularity for steps of a length.
+    Decline(f64),
+    /// Nothing: it is found by chord steps, and the tangent of the guess is kept.
+    Chords(&'f mut Chords),
+}
+
+impl<'f> Find<'f> {
+    fn by(chords: &'f mut Option<Chords>) -> Self {
+        chords.as_mut().map_or(Self::Tangent, Self::Chords)
+    }
+}
+
+/// The search for the zero of a test function by chord steps.
+pub(super) struct Chords {
+    index: usize,
+    misses: Misses,
+    /// Effect of rounding errors of H on its value, as a mean over their signs: its zero is not determined more accurately.
+    rounding: Option<f64>,
+}
+
+impl Chords {
+    fn new(index: usize) -> Self {
+        Self {
+            index,
+            misses: Misses::default(),
+            rounding: None,
+        }
     }
 }
 
@@ -440,7 +462,7 @@ pub(in crate::continuation) fn side_factor(new: f64, replaced: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::Misses;
+    use super::{Misses, ScaledMap, refine_tests};
     use crate::continuation::testing::Plane;
 
     /// From two points an error s (L − s) (a + b s) is known everywhere, from one of them with b = 0.
@@ -482,11 +504,9 @@ mod tests {
             state.x[0] += off;
             curve.map.test_functions(&state.x, &mut state.theta);
             assert!((state.theta[0] - 0.5).abs() >= 0.9e6 * off.abs());
-            let selection = curve.selection.clone();
-            (curve.corrector)
-                .linearize(&curve.map, &selection, &state.x, None)
-                .unwrap();
-            curve.refine_tests(&mut state);
+            let at = (curve.corrector).linearize(&curve.map, &curve.selection, &state.x, None);
+            let of: (&dyn ScaledMap, _) = (&curve.map, &curve.selection);
+            refine_tests(&mut at.unwrap(), of, &curve.here.t, &mut curve.rates, &mut state);
             // The nearest point of the curve has α = (y + α)/2.
             assert!(
                 (state.theta[0] - 0.5 - 0.5 * off).abs() < 1e-9 * (1e6 * off.abs()) + 1e-15,

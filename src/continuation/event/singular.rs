@@ -1,6 +1,7 @@
 //! Smooth branch points to full accuracy, distinguished from curves that pass each other.
 
 use super::branch_point::{BranchSystem, Singular};
+use super::locate::Find;
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
@@ -106,7 +107,7 @@ impl Curve<'_> {
     fn is_between(&self, x: &[f64], beyond: &State) -> bool {
         const NEAR: f64 = 0.1;
         const LEFT: f64 = 1e-6;
-        let s = self.progress_to(x);
+        let s = self.here.progress_to(x);
         let mut guess = beyond.clone();
         self.interpolate(s, beyond, &mut guess);
         let rounding = LOCATED * (1.0 + norm(x));
@@ -124,26 +125,27 @@ impl Curve<'_> {
         }
         let mut target = self.next.clone();
         target.x.copy_from_slice(&found.x);
-        target.s = self.progress_to(&found.x);
+        target.s = self.here.progress_to(&found.x);
         target.t = mirrored_tangent((&self.here.x, &self.here.t), &found.x);
         let rounding = LOCATED * (1.0 + norm(&found.x));
         let (mut state, mut before) = (target.clone(), (0.0, self.here.t.clone()));
         for share in SHARES {
-            if !self.state_at(share * target.s, &target, &mut state)? {
+            // No other one may lie before or beyond it.
+            let find = match share == HALF {
+                true => Find::Decline(target.s),
+                false => Find::Tangent,
+            };
+            if !self.find_state(share * target.s, &target, &mut state, find)? {
                 return Ok(Err(Unresolved::Crossing));
             }
             let left = (1.0 - share) * target.s;
             let near = distance(&state.x, &found.x) <= RATIO * left + rounding;
-            let turned = self.corrector.orientation(&state.t) != self.here.orientation;
+            let turned = state.orientation != self.here.orientation;
             if !near || turned || dot(&state.t, &before.1) < self.options.min_cos {
                 return Ok(Err(Unresolved::Crossing));
             }
-            if share == HALF {
-                // No other one may lie before or beyond it.
-                self.find_decline(&mut state, target.s)?;
-                if state.decline.is_some_and(|d| !(0.0..=2.0).contains(&(d * left))) {
-                    return Ok(Err(Unresolved::Crossing));
-                }
+            if share == HALF && state.decline.is_some_and(|d| !(0.0..=2.0).contains(&(d * left))) {
+                return Ok(Err(Unresolved::Crossing));
             }
             // The tangent at the branch point, extrapolated.
             let ahead = (1.0 - share) / (share - before.0);
@@ -169,12 +171,6 @@ impl Curve<'_> {
         target.decline = None;
         target.residual_norm = norm(&r);
         self.next = target;
-    }
-
-    /// Distance of x from `here` along the tangent there.
-    pub(in crate::continuation) fn progress_to(&self, x: &[f64]) -> f64 {
-        let chord = x.iter().zip(&self.here.x).map(|(x, x0)| x - x0);
-        self.here.t.iter().zip(chord).map(|(t, c)| t * c).sum()
     }
 
     /// The next facet, if it is crossed at a branch point of the frozen selection, where the corrector fails on both sides. The

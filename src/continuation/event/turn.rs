@@ -1,13 +1,14 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
 use crate::continuation::engine::Curve;
+use crate::continuation::error::if_converged;
 use crate::continuation::point::units::Units;
 use crate::continuation::point::{Arms, Wanted};
 use crate::continuation::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
     TransitionKind,
 };
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmoothExt, Selection, Vanishing};
+use crate::piecewise::{ActiveSet, PiecewiseSmoothExt, Selection, Vanishing};
 use crate::sparse::{distance, dot};
 
 /// An arm within this distance of the tangent of arrival goes straight on.
@@ -69,7 +70,8 @@ impl Curve<'_> {
                     }
                     // What cannot be decided to higher order may still be followed to first order.
                     (None, []) if simple && !arms.complete => {
-                        arms.list.extend(self.arm_beyond(&vanishing, &active)?);
+                        arms.list
+                            .extend(self.arm_beyond(&vanishing, &active)?.map(|(arm, _)| arm));
                     }
                     _ => {}
                 }
@@ -131,14 +133,13 @@ impl Curve<'_> {
             return Ok(None);
         }
         let before = self.direction_here();
-        let Some(arm) = self.arm_beyond(vanishing, active)? else {
+        let Some((arm, after)) = self.arm_beyond(vanishing, active)? else {
             return Ok(None);
         };
         if !affine && (before == 0 || arm.direction == 0) {
             // A higher order decides.
             return Ok(None);
         }
-        let after = self.corrector.orientation(&arm.tangent);
         if let (Some(before), Some(after)) = (self.here.orientation, after)
             && before != after
         {
@@ -166,12 +167,12 @@ impl Curve<'_> {
         beyond
     }
 
-    /// Its arm, if that crosses the facet transversally.
+    /// Its arm, if that crosses the facet transversally, with its orientation.
     fn arm_beyond(
         &mut self,
         vanishing: &[Vanishing],
         active: &ActiveSet,
-    ) -> Result<Option<Arm>, ContinuationError> {
+    ) -> Result<Option<(Arm, Option<i8>)>, ContinuationError> {
         let (beyond, arrival) = (self.selection_beyond(active), self.here.t.clone());
         Ok(self.search(vanishing).regular_arm(&beyond, &arrival)?)
     }
@@ -230,17 +231,12 @@ impl Curve<'_> {
         let corrected = (self.corrector).correct_in_plane(
             &self.map,
             &self.selection,
-            &anchor,
-            &normal,
-            s,
+            (&anchor, &normal, s),
             &mut y,
             &mut t,
         );
-        match corrected {
-            Ok(c) if c.converged && distance(&y, &guess) <= 0.5 * radius => Ok(Some(y)),
-            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(None),
-            Err(e) => Err(e.into()),
-        }
+        let met = if_converged(corrected)?.is_some();
+        Ok((met && distance(&y, &guess) <= 0.5 * radius).then_some(y))
     }
 
     /// The arm to follow: the only one, or the one that goes straight on.

@@ -3,7 +3,8 @@
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
-use crate::piecewise::{PiecewiseError, PiecewiseSmoothExt};
+use crate::continuation::error::if_solved;
+use crate::piecewise::PiecewiseSmoothExt;
 use crate::sparse::norm;
 use crate::tolerances::TANGENTIAL;
 
@@ -132,12 +133,11 @@ impl Curve<'_> {
     fn acceleration(&mut self, state: &State) -> Result<Option<f64>, ContinuationError> {
         let distance = DIFFERENCE * self.next.s;
         let (x, t) = (&state.x, &state.t);
-        match (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t)) {
-            Ok(_) => {}
-            Err(PiecewiseError::Linear(_)) => return Ok(None),
-            Err(e) => return Err(e.into()),
-        }
-        Ok((self.corrector).turn_of_entry(&self.map, &self.selection, (x, t), x.len() - 1, distance)?)
+        let at = (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t));
+        Ok(match if_solved(at)? {
+            Some(at) => at.turn_of_entry(&self.map, (x, t), x.len() - 1, distance)?,
+            None => None,
+        })
     }
 
     /// α̇ if it is slower inside the step than at its ends, as far as the interpolant of α tells.

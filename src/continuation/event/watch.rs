@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use super::singular::{LOCATED, ZERO_DETERMINANT};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
+use crate::continuation::error::if_solved;
 use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::point::search::UNEXPLAINED;
 use crate::piecewise::{Facet, PiecewiseSmoothExt, Selection};
@@ -238,7 +239,8 @@ impl Curve<'_> {
         let last = x.len() - 1;
         let mut along = vec![0.0; x.len()];
         along[last] = 1.0;
-        let Some(rounding) = self.corrector.rounding_of(&along, x, t) else {
+        let at = (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t));
+        let Some(rounding) = if_solved(at)?.and_then(|mut at| at.rounding_of(&along, x, t)) else {
             return Ok(None);
         };
         // At a bound of 0 numbers near it have all digits; the range says how many count.

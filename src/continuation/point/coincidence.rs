@@ -4,9 +4,8 @@
 use super::units::Units;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
-use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing,
-};
+use crate::continuation::error::if_solved;
+use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing};
 use crate::sparse::norm;
 
 /// Distance along the curve, relative to 1 + ‖x‖, beyond which zeros do not coincide.
@@ -116,15 +115,16 @@ impl Curve<'_> {
         let pairs = self.here.x.iter().zip(&self.next.x);
         let sizes: Vec<f64> = pairs.map(|(a, b)| a.abs().max(b.abs())).collect();
         let (x, t) = (&self.here.x, &self.here.t);
-        let noise = self.corrector.noise(&self.map, &self.selection, (x, &sizes), t);
-        match noise {
-            Ok(moves) => Ok(Rounding::Measured { moves, sizes }),
+        let at = (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t));
+        let noise = match if_solved(at)? {
+            Some(mut at) => if_solved(at.noise(&self.map, (x, &sizes), t))?,
+            None => None,
+        };
+        Ok(match noise {
+            Some(moves) => Rounding::Measured { moves, sizes },
             // The selection is singular here: the point is good to the distance at which test functions count as vanishing.
-            Err(PiecewiseError::Linear(_)) => Ok(Rounding::Distance(
-                self.options.vanishing_distance * (1.0 + norm(x)),
-            )),
-            Err(e) => Err(e.into()),
-        }
+            None => Rounding::Distance(self.options.vanishing_distance * (1.0 + norm(x))),
+        })
     }
 }
 

@@ -10,6 +10,7 @@ use std::cell::RefCell;
 
 use crate::clock::Deadline;
 use crate::continuation::engine::Solver;
+use crate::continuation::error::if_solved;
 use crate::continuation::start::auto_corrector;
 use crate::enumeration::{Directional, EnumerationError, NewtonStop};
 use crate::newton::MoorePenrose;
@@ -234,11 +235,8 @@ impl<'a> Path<'a> {
 
     /// The kernel of a selection, if it is a line.
     fn tangent(&mut self, selection: &Selection, point: &[f64]) -> Result<Option<Vec<f64>>, PiecewiseError> {
-        match self.corrector.linearize(&self.frozen, selection, point, None) {
-            Ok(t) => Ok(Some(t.to_vec())),
-            Err(PiecewiseError::Linear(_)) => Ok(None),
-            Err(e) => Err(e),
-        }
+        let at = if_solved(self.corrector.linearize(&self.frozen, selection, point, None))?;
+        Ok(at.map(|at| at.tangent().to_vec()))
     }
 
     /// How far away, in units of the direction, the first facet of the cell is that is crossed.

@@ -43,7 +43,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         x: &[f64],
         selection: &Selection,
     ) -> Result<f64, PiecewiseError> {
-        let sizes = self.row_sizes(map, x, selection)?;
+        let (sizes, _) = self.row_sizes(map, x, selection)?;
         self.corrector.least_singular_value(map, selection, x, &sizes)
     }
 
@@ -56,25 +56,26 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         Ok((map, z))
     }
 
-    /// The largest entry of each row of ∇H^(σ), or its change over the distance 1 + ‖x‖: at branch points rows may vanish up to rounding.
-    /// The corrector then holds ∇H^(σ) at x.
+    /// The largest entry of each row of ∇H^(σ), or its change over the distance 1 + ‖x‖: at branch points rows may vanish up to rounding;
+    /// and ∇H^(σ).
     fn row_sizes<M: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &M,
         x: &[f64],
         selection: &Selection,
-    ) -> Result<Vec<f64>, PiecewiseError> {
+    ) -> Result<(Vec<f64>, Matrix), PiecewiseError> {
         const NEAR: f64 = 1e-4;
         let mut jacobian_at = |s: f64| {
             let moved: Vec<f64> = (x.iter().enumerate())
                 .map(|(j, x)| x + s * centred(j + 1, false))
                 .collect();
-            self.corrector.assemble(map, selection, &moved)?;
-            Ok::<_, PiecewiseError>(self.corrector.jacobian().clone())
+            let jac = self.corrector.jacobian_at(&map, selection, &moved)?;
+            Ok::<_, PiecewiseError>(jac.clone())
         };
         let distance = NEAR * (1.0 + norm(x));
         let (ahead, behind, here) = (jacobian_at(distance)?, jacobian_at(-distance)?, jacobian_at(0.0)?);
-        Ok(row_sizes(&changes(&here, [&ahead, &behind], 0.5 / NEAR)))
+        let sizes = row_sizes(&changes(&here, [&ahead, &behind], 0.5 / NEAR));
+        Ok((sizes, here))
     }
 
     /// The directions of the curves through a point where ∇H^(σ) is singular; `Err` where they are not decided, with the kernel unless
@@ -116,12 +117,18 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         let from = self.x.iter().enumerate();
         let from: Vec<f64> = from.map(|(j, x)| x + away * centred(j + 1, false)).collect();
         let kernels = BranchSystem::new(self.map, selection, &from, self.x).kernels(self.x)?;
-        self.corrector.assemble(self.map, selection, self.x)?;
+        let jac = self.corrector.jacobian_at(&self.map, selection, self.x)?;
         let Some(k) = kernels else {
             return Ok(Err(Vec::new()));
         };
-        let scale = max_abs(self.corrector.jacobian().values());
-        Ok(self.branching_equation(self.map, self.x, selection, (k.right.as_slice(), &k.left), scale))
+        let scale = max_abs(jac.values());
+        Ok(branching_equation(
+            self.map,
+            self.x,
+            selection,
+            (k.right.as_slice(), &k.left),
+            scale,
+        ))
     }
 
     fn directions_at<M: PiecewiseSmooth + ?Sized>(
@@ -130,8 +137,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         x: &[f64],
         selection: &Selection,
     ) -> Result<Directions, PiecewiseError> {
-        let sizes = self.row_sizes(map, x, selection)?;
-        let mut jac = self.corrector.jacobian().clone();
+        let (sizes, mut jac) = self.row_sizes(map, x, selection)?;
         let factors: Vec<f64> = jac.triplets().map(|(i, ..)| sizes[i].recip()).collect();
         let values = jac.values_mut().iter_mut();
         values.zip(factors).for_each(|(v, f)| *v *= f);
@@ -142,46 +148,45 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         }
         Ok(match (kernel.right.as_slice(), kernel.left.as_slice()) {
             ([tangent], []) => Ok(vec![tangent.clone()]),
-            (right @ [_, _], [psi]) => self.branching_equation(map, x, selection, (right, psi), 1.0),
+            (right @ [_, _], [psi]) => branching_equation(map, x, selection, (right, psi), 1.0),
             (right, _) => Err(right.to_vec()),
         })
     }
+}
 
-    /// Where the kernel of ∇H^(σ) is spanned by n₁ and n₂ and that of its transpose by ψ: the roots of Σ ψᵀH''(nᵢ, nⱼ) aᵢ aⱼ = 0
-    /// (Keller 1977).
-    fn branching_equation<M: PiecewiseSmooth + ?Sized>(
-        &self,
-        map: &M,
-        x: &[f64],
-        selection: &Selection,
-        (right, psi): (&[Vec<f64>], &[f64]),
-        scale: f64,
-    ) -> Directions {
-        let [n1, n2] = right else {
-            return Err(right.to_vec());
-        };
-        let mut shifted = self.corrector.jacobian().clone();
-        let mut second = |a: &[f64], b: &[f64]| second_derivative(map, selection, x, a, b, psi, &mut shifted);
-        let (b11, b12, b22) = (second(n1, n1), second(n1, n2), second(n2, n2));
-        let size = b11.abs().max(b12.abs()).max(b22.abs());
-        let discriminant = b12 * b12 - b11 * b22;
-        if size <= 1e-7 * scale.max(f64::MIN_POSITIVE) || discriminant.abs() <= 1e-7 * size * size {
-            return Err(right.to_vec());
-        }
-        if discriminant < 0.0 {
-            return Ok(Vec::new());
-        }
-        let root = discriminant.sqrt();
-        // The root without cancellation gives the other one; q ≠ 0 as the discriminant is positive.
-        let q = -(b12 + b12.signum() * root);
-        let pairs = [(q, b11), (b22, q)];
-        let combine = |(a, b): (f64, f64)| -> Vec<f64> {
-            let v: Vec<f64> = n1.iter().zip(n2).map(|(x, y)| a * x + b * y).collect();
-            let length = norm(&v);
-            v.into_iter().map(|c| c / length).collect()
-        };
-        Ok(pairs.into_iter().map(combine).collect())
+/// Where the kernel of ∇H^(σ) is spanned by n₁ and n₂ and that of its transpose by ψ: the roots of Σ ψᵀH''(nᵢ, nⱼ) aᵢ aⱼ = 0
+/// (Keller 1977).
+fn branching_equation<M: PiecewiseSmooth + ?Sized>(
+    map: &M,
+    x: &[f64],
+    selection: &Selection,
+    (right, psi): (&[Vec<f64>], &[f64]),
+    scale: f64,
+) -> Directions {
+    let [n1, n2] = right else {
+        return Err(right.to_vec());
+    };
+    let mut shifted = Matrix::zeros(map.pattern());
+    let mut second = |a: &[f64], b: &[f64]| second_derivative(map, selection, x, a, b, psi, &mut shifted);
+    let (b11, b12, b22) = (second(n1, n1), second(n1, n2), second(n2, n2));
+    let size = b11.abs().max(b12.abs()).max(b22.abs());
+    let discriminant = b12 * b12 - b11 * b22;
+    if size <= 1e-7 * scale.max(f64::MIN_POSITIVE) || discriminant.abs() <= 1e-7 * size * size {
+        return Err(right.to_vec());
     }
+    if discriminant < 0.0 {
+        return Ok(Vec::new());
+    }
+    let root = discriminant.sqrt();
+    // The root without cancellation gives the other one; q ≠ 0 as the discriminant is positive.
+    let q = -(b12 + b12.signum() * root);
+    let pairs = [(q, b11), (b22, q)];
+    let combine = |(a, b): (f64, f64)| -> Vec<f64> {
+        let v: Vec<f64> = n1.iter().zip(n2).map(|(x, y)| a * x + b * y).collect();
+        let length = norm(&v);
+        v.into_iter().map(|c| c / length).collect()
+    };
+    Ok(pairs.into_iter().map(combine).collect())
 }
 
 /// ψᵀ H^(σ)''(x)(a, b) by central differences, of fourth order, of the Jacobian along a.

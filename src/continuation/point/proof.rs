@@ -67,7 +67,11 @@ fn of_selection(
     active: &ActiveSet,
     corrector: &mut MoorePenrose<AutoSolver>,
 ) -> Option<(f64, usize)> {
-    let tangent = corrector.linearize(map, selection, x, None).ok()?.to_vec();
+    let tangent = corrector
+        .linearize(map, selection, x, None)
+        .ok()?
+        .tangent()
+        .to_vec();
     let mut length = 0.5 * regular_radius(map, selection, x, &tangent)?;
     for _ in 0..TRIES {
         let mut ends = [1.0, -1.0].map(|sign| {
@@ -78,8 +82,8 @@ fn of_selection(
                 .collect();
             let mut t = tangent.clone();
             let corrected =
-                corrector.correct_in_plane(map, selection, x, &tangent, sign * length, &mut y, &mut t);
-            corrected.is_ok_and(|c| c.converged).then_some(y)
+                corrector.correct_in_plane(map, selection, (x, &tangent, sign * length), &mut y, &mut t);
+            corrected.is_ok_and(|(c, _)| c.converged).then_some(y)
         });
         if let [Some(ahead), Some(behind)] = &mut ends
             && step_enclosure(map, selection, behind, ahead)

@@ -9,6 +9,7 @@ use super::large::MAX_BRANCHING;
 use super::units::Units;
 use super::{Found, InCell, PointDoubt, in_cell};
 use crate::clock::Deadline;
+use crate::continuation::error::if_solved;
 use crate::continuation::point::{Wanted, one_arm};
 use crate::continuation::{Arm, ContinuationOptions};
 use crate::enumeration::{EnumerationError, directional_selections, local_selections};
@@ -268,8 +269,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             return self.at_singular_point(selection, arms);
         }
         match self.corrector.linearize(self.map, selection, self.x, hint) {
-            Ok(tangent) => {
-                let tangent = tangent.to_vec();
+            Ok(at) => {
+                let tangent = at.tangent().to_vec();
                 self.both_ways(selection, &tangent);
                 Ok(())
             }
@@ -280,29 +281,33 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         }
     }
 
-    /// The only arm of a selection that is regular at x, if it crosses the facets that meet here transversally.
+    /// The only arm of a selection that is regular at x, if it crosses the facets that meet here transversally, with its orientation.
     pub(in crate::continuation) fn regular_arm(
         &mut self,
         selection: &Selection,
         hint: &[f64],
-    ) -> Result<Option<Arm>, PiecewiseError> {
-        match self.corrector.linearize(self.map, selection, self.x, Some(hint)) {
-            Ok(tangent) => {
-                let tangent = tangent.to_vec();
-                self.both_ways(selection, &tangent);
-            }
-            Err(PiecewiseError::Linear(_)) => return Ok(None),
-            Err(e) => return Err(e),
-        }
+    ) -> Result<Option<(Arm, Option<i8>)>, PiecewiseError> {
+        let at = if_solved((self.corrector).linearize(self.map, selection, self.x, Some(hint)))?;
+        let Some((tangent, along)) = at.map(|at| (at.tangent().to_vec(), at.orientation(at.tangent())))
+        else {
+            return Ok(None);
+        };
+        self.both_ways(selection, &tangent);
         let mut arm = match self.found.as_slice() {
             [found] if found.facets.is_empty() => found.arm.clone(),
             _ => return Ok(None),
         };
+        // The arm is the tangent or its opposite.
+        let orientation = if arm.tangent == tangent {
+            along
+        } else {
+            along.map(|o| -o)
+        };
         arm.det_sign = match arm.direction {
             0 => Some(0),
-            direction => self.corrector.orientation(&arm.tangent).map(|o| o * direction),
+            direction => orientation.map(|o| o * direction),
         };
-        Ok(Some(arm))
+        Ok(Some((arm, orientation)))
     }
 
     /// The arms of a selection by expansions to higher order.

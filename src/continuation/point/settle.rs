@@ -5,6 +5,7 @@ use super::coincidence::SAFETY;
 use super::search::{ArmSearch, Arms};
 use super::units::Units;
 use super::{Found, PointDoubt};
+use crate::continuation::error::{if_converged, if_solved};
 use crate::linear::LinearSolver;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Scaled, Selection, Vanishing};
 use crate::sparse::{distance, dot, norm};
@@ -202,27 +203,22 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         let mut normal: Vec<f64> = normal.iter().zip(&measure.0).map(|(n, unit)| n * unit).collect();
         let length = norm(&normal);
         normal.iter_mut().for_each(|n| *n /= length);
-        let (mut error, mut t) = (0.0, normal.clone());
-        for _ in 0..2 {
-            let before = point.clone();
-            let corrected = self.corrector.correct_in_plane(
-                &map,
-                selection,
-                &anchor,
-                &normal,
-                s / length,
-                &mut point,
-                &mut t,
-            );
-            match corrected {
-                Ok(c) if c.converged => error = distance(&before, &point),
-                Ok(_) | Err(PiecewiseError::Linear(_)) => return Ok(None),
-                Err(e) => return Err(e),
-            }
+        let (s, mut t) = (s / length, normal.clone());
+        let first =
+            (self.corrector).correct_in_plane(&map, selection, (&anchor, &normal, s), &mut point, &mut t);
+        if if_converged(first)?.is_none() {
+            return Ok(None);
         }
+        let before = point.clone();
+        let second =
+            (self.corrector).correct_in_plane(&map, selection, (&anchor, &normal, s), &mut point, &mut t);
+        let Some((_, mut at)) = if_converged(second)? else {
+            return Ok(None);
+        };
+        let mut error = distance(&before, &point);
         for second in [false, true] {
             let along: Vec<f64> = (0..point.len()).map(|j| 2.0 * centred(j + 1, second)).collect();
-            let Some(moved) = self.corrector.rounding_of(&along, &point, &normal) else {
+            let Some(moved) = at.rounding_of(&along, &point, &normal) else {
                 return Ok(None);
             };
             error = error.max(SAFETY * moved);
@@ -238,17 +234,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             return Ok(());
         }
         let at = if arm.probe.is_empty() { self.x } else { &arm.probe };
-        arm.det_sign = match self
-            .corrector
-            .linearize(self.map, &arm.selection, at, Some(&arm.tangent))
-        {
-            Ok(_) => self
-                .corrector
-                .orientation(&arm.tangent)
-                .map(|o| o * arm.direction),
-            Err(PiecewiseError::Linear(_)) => None,
-            Err(e) => return Err(e),
-        };
+        let at = if_solved((self.corrector).linearize(self.map, &arm.selection, at, Some(&arm.tangent)))?;
+        let orientation = at.and_then(|at| at.orientation(&arm.tangent));
+        arm.det_sign = orientation.map(|o| o * arm.direction);
         Ok(())
     }
 }

@@ -1,6 +1,7 @@
 //! Piecewise-affine curves: from kink to kink by a ratio test, without step control or corrector.
 
 use crate::continuation::engine::Curve;
+use crate::continuation::error::if_solved;
 use crate::continuation::event::watch::Monitor;
 use crate::continuation::{ContinuationError, Termination};
 use crate::piecewise::PiecewiseSmoothExt;
@@ -164,17 +165,13 @@ impl Curve<'_> {
             let corrected = self.corrector.correct_in_plane(
                 &self.map,
                 &self.selection,
-                &anchor,
-                &normal,
-                0.0,
+                (&anchor, &normal, 0.0),
                 &mut self.next.x,
                 &mut self.next.t,
             );
-            match corrected {
-                Ok(c) => self.next.residual_norm = c.residual_norm,
-                // A singular selection (a continuum of solutions) is followed as far as its residual allows.
-                Err(crate::piecewise::PiecewiseError::Linear(_)) => {}
-                Err(e) => return Err(e.into()),
+            // A singular selection (a continuum of solutions) is followed as far as its residual allows.
+            if let Some((c, _)) = if_solved(corrected)? {
+                self.next.residual_norm = c.residual_norm;
             }
         }
         Ok(())

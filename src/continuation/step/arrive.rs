@@ -1,11 +1,12 @@
 //! The end of a step: at a regular point, at an event, or where the curve closes.
 
 use crate::continuation::engine::{Curve, State};
+use crate::continuation::error::if_converged;
 use crate::continuation::event::locate::STRAY;
 use crate::continuation::event::watch::Monitor;
 use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::{ContinuationError, Event, PointKind, Termination};
-use crate::piecewise::{PiecewiseError, PiecewiseSmoothExt};
+use crate::piecewise::PiecewiseSmoothExt;
 use crate::sparse::{distance, norm};
 use crate::tolerances::TANGENTIAL;
 
@@ -136,13 +137,11 @@ impl Curve<'_> {
         let corrected = self.corrector.correct_in_plane(
             &self.map,
             &self.selection,
-            &anchor,
-            &normal,
-            offset,
+            (&anchor, &normal, offset),
             &mut x,
             &mut t,
         );
-        if let Ok(c) = corrected
+        if let Ok((c, _)) = corrected
             && c.converged
         {
             x[m - 1] = value;
@@ -160,7 +159,7 @@ impl Curve<'_> {
         let length = distance(&self.here.x, &self.next.x);
         // An event located at the start may lie before it.
         let slack = (self.options.vanishing_distance * (1.0 + norm(&self.start))).min(SLACK * length);
-        let offset = self.progress_to(&self.start);
+        let offset = self.here.progress_to(&self.start);
         if self.arclength <= slack || !(offset > 0.0 && offset <= self.next.s + slack) {
             return Ok(false);
         }
@@ -194,18 +193,19 @@ impl Curve<'_> {
     fn is_one(&mut self, state: &mut State, other: &[f64]) -> Result<bool, ContinuationError> {
         let length = norm(&state.t);
         let normal: Vec<f64> = state.t.iter().map(|t| t / length).collect();
-        let (mut there, mut steps) = (other.to_vec(), 0.0);
-        for x in [&mut state.x, &mut there] {
-            let mut t = normal.clone();
-            let corrected =
-                self.corrector
-                    .correct_in_plane(&self.map, &self.selection, other, &normal, 0.0, x, &mut t);
-            match corrected {
-                Ok(c) if c.converged => steps += c.step_norm,
-                Ok(_) | Err(PiecewiseError::Linear(_)) => return Ok(false),
-                Err(e) => return Err(e.into()),
-            }
-        }
+        let (map, selection) = (&self.map, &self.selection);
+        let (mut there, mut t) = (other.to_vec(), normal.clone());
+        let first =
+            (self.corrector).correct_in_plane(map, selection, (other, &normal, 0.0), &mut state.x, &mut t);
+        let Some((first, _)) = if_converged(first)? else {
+            return Ok(false);
+        };
+        let second =
+            (self.corrector).correct_in_plane(map, selection, (other, &normal, 0.0), &mut there, &mut t);
+        let Some((second, mut at)) = if_converged(second)? else {
+            return Ok(false);
+        };
+        let steps = first.step_norm + second.step_norm;
         // The other point has to lie on the curve of the selection itself, too.
         Ok([(&state.x[..], &there[..]), (&there, other)]
             .into_iter()
@@ -217,7 +217,7 @@ impl Curve<'_> {
                 }
                 let direction: Vec<f64> = gap.iter().map(|g| g / size).collect();
                 let bits: f64 = direction.iter().zip(other).map(|(d, x)| (d * x).abs()).sum();
-                let rounding = self.corrector.rounding_of(&direction, other, &normal);
+                let rounding = at.rounding_of(&direction, other, &normal);
                 rounding.is_some_and(|r| size <= SAFETY * (r + f64::EPSILON * bits))
             }))
     }

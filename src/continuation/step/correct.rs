@@ -1,9 +1,11 @@
 //! The predictor along the tangent and the Moore–Penrose corrector, with the selection frozen.
 
 use super::Accepted;
+use super::judge::{Shape, tangent_noise};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, relative_residual, row_sizes};
-use crate::piecewise::{PiecewiseError, PiecewiseSmoothExt};
+use crate::continuation::error::if_solved;
+use crate::piecewise::PiecewiseSmoothExt;
 use crate::sparse::norm;
 
 /// Share of the curvature of the last step that is remembered through inflections.
@@ -28,52 +30,55 @@ impl Curve<'_> {
         self.next.t.copy_from_slice(&self.here.t);
         let o = &self.options;
         let tolerances = (o.residual_tolerance, o.step_tolerance * (norm(&self.here.x) + h));
-        let sizes = std::mem::take(&mut self.row_sizes);
+        let (map, sizes) = (&self.map, &self.row_sizes);
         let corrected = self.corrector.correct_measured(
-            &&self.map,
+            &map,
             &mut self.selection,
             &mut |_, _| {},
-            &|r| relative_residual(r, &sizes),
+            &|r| relative_residual(r, sizes),
             &mut self.next.x,
             &mut self.next.t,
-            tolerances,
-            o.max_corrections,
+            (tolerances, o.max_corrections),
         );
-        self.row_sizes = sizes;
-        let correction = match corrected {
-            Ok(c) => c,
-            Err(PiecewiseError::Linear(_)) => return Ok(None),
-            Err(e) => return Err(e.into()),
+        let Some(corrected) = if_solved(corrected)? else {
+            return Ok(None);
         };
+        let correction = corrected.correction;
         // The terms that cancel may have been smaller so far: zero on leaving a branch point at the origin.
-        let mut sizes = std::mem::take(&mut self.next_sizes);
-        sizes.clear();
-        let Self { next, options, .. } = self;
-        let jac = self.corrector.jacobian();
-        row_sizes(jac, &next.x, (h, &next.t), options.residual_tolerance, &mut sizes);
-        let fine = relative_residual(self.corrector.residual(), &sizes) <= self.options.residual_tolerance
+        let (next, next_sizes) = (&mut self.next, &mut self.next_sizes);
+        next_sizes.clear();
+        row_sizes(
+            corrected.jacobian(),
+            &next.x,
+            (h, &next.t),
+            tolerances.0,
+            next_sizes,
+        );
+        let fine = relative_residual(corrected.residual(), next_sizes) <= tolerances.0
             && correction.step_norm <= tolerances.1;
-        self.next_sizes = sizes;
         if !(correction.converged || fine) {
             return Ok(None);
         }
-        self.next.residual_norm = correction.residual_norm;
-        self.next.s = self.progress_to(&self.next.x);
-        let mut next = std::mem::take(&mut self.next);
-        let known = self.find_decline(&mut next, h);
-        self.next = next;
-        known?;
-        // Only after the corrector, which may have refactored.
-        self.next.orientation = self.corrector.orientation(&self.next.t);
-        self.next.det_sign = self.corrector.det_sign();
-        let Some(mut shape) = self.shape(h) else {
+        next.residual_norm = correction.residual_norm;
+        next.s = self.here.progress_to(&next.x);
+        let (decline, mut at) = (self.regularity).decline(corrected.linearisation(), map, sizes, next, h)?;
+        next.decline = Some(decline);
+        next.orientation = at.orientation(&next.t);
+        next.det_sign = at.det_sign();
+        let Some(mut shape) = Shape::of(&self.here, next, h, o.min_cos) else {
             return Ok(None);
         };
-        let flips = self.next.orientation != self.here.orientation;
-        if !flips && self.is_doubtful(&shape, h, correction.iterations) && !self.holds_halfway(&shape)? {
+        let flips = next.orientation != self.here.orientation;
+        let (bend, regular) = (self.curvature * h, self.here.decline.is_some());
+        let mut noise = || tangent_noise(regular, at.rcond());
+        if !flips
+            && shape.is_doubtful(bend, correction.iterations, &mut noise)
+            && !self.holds_halfway(&shape)?
+        {
             // The tangents may be those of the previous iterates.
-            shape.turn = self.sharpen_tangents()?;
-            let doubtful = self.is_doubtful(&shape, h, correction.iterations);
+            let (turn, noise) = self.sharpen_tangents()?;
+            shape.turn = turn;
+            let doubtful = shape.is_doubtful(bend, correction.iterations, || noise);
             if doubtful && !self.holds_halfway(&shape)? {
                 return Ok(None);
             }

@@ -1,11 +1,18 @@
 //! Whether a corrected point lies on the same curve, near the prediction: else the step is shortened.
 
 use crate::continuation::ContinuationError;
-use crate::continuation::engine::{Curve, State, generic_probe};
+use crate::continuation::engine::{Curve, Solver, State};
+use crate::continuation::error::if_solved;
 use crate::continuation::event::locate::STRAY;
 use crate::continuation::event::watch::Monitor;
-use crate::piecewise::PiecewiseError;
+use crate::linear::LinearSolver;
+use crate::newton::{Linearisation, MoorePenrose};
+use crate::piecewise::{PiecewiseError, ScaledMap, Selection};
 use crate::sparse::{distance, dot, norm};
+use crate::spread::golden;
+
+/// Angle to which tangents of arms at singular points are known: they come from difference quotients.
+pub(in crate::continuation) const ARMS: f64 = 1e-5;
 
 /// Angle (as a distance of unit vectors) allowed between the chord of a step and the mean of the tangents at its ends.
 const CHORD: f64 = 0.05;
@@ -18,13 +25,12 @@ pub(super) struct Shape {
     pub(super) deviation: f64,
 }
 
-impl Curve<'_> {
-    /// The shape of a step whose `next` agrees with the prediction: the tangents are close, the chord is close to their mean, and its
-    /// length to that of the step. `None` for others.
-    pub(super) fn shape(&self, h: f64) -> Option<Shape> {
-        let (a, b) = (&self.here, &self.next);
+impl Shape {
+    /// The shape of a step of length h from `a` whose end `b` agrees with the prediction: the tangents are close, the chord is close to their
+    /// mean, and its length to that of the step. `None` for others.
+    pub(super) fn of(a: &State, b: &State, h: f64, min_cos: f64) -> Option<Self> {
         let cos = dot(&a.t, &b.t);
-        if cos.is_nan() || cos < self.options.min_cos {
+        if cos.is_nan() || cos < min_cos {
             return None;
         }
         let chord: Vec<f64> = b.x.iter().zip(&a.x).map(|(x, x0)| x - x0).collect();
@@ -39,41 +45,103 @@ impl Curve<'_> {
             .map(|(c, (t0, t1))| (c / length - (t0 + t1) / mean_length).powi(2))
             .sum::<f64>()
             .sqrt();
-        (deviation <= CHORD).then(|| Shape {
+        (deviation <= CHORD).then(|| Self {
             turn: distance(&a.t, &b.t),
             deviation,
         })
     }
 
-    /// Sets the rate at which the regularity of ∇H falls at a state next to the point of the last factors, for steps of length h.
-    pub(in crate::continuation) fn find_decline(
+    /// Whether the step may have jumped to another curve: it turns much more than the last one, which would have turned by `bend` over its
+    /// length, its chord is not that of an arc, or the corrector converged slowly. Angles up to `noise` are none.
+    pub(super) fn is_doubtful(&self, bend: f64, corrections: usize, noise: impl FnOnce() -> f64) -> bool {
+        const MORE: f64 = 2.0;
+        const SKEW: f64 = 0.1;
+        const SLOW: usize = 5;
+        let above = |angle: f64, limit: f64| if angle > limit { angle } else { 0.0 };
+        let angle = above(self.turn, MORE * bend).max(above(self.deviation, SKEW * self.turn.max(bend)));
+        corrections > SLOW || (angle > 0.0 && angle > noise())
+    }
+}
+
+/// How fast the regularity of ∇H falls, from one step to the next.
+pub(in crate::continuation) struct Regularity {
+    /// The vector by which it is measured.
+    pub(in crate::continuation) probe: Vec<f64>,
+    sizes: Vec<f64>,
+    behind: Vec<f64>,
+}
+
+impl Regularity {
+    /// For n residuals.
+    pub(in crate::continuation) fn new(n: usize) -> Self {
+        Self {
+            probe: generic_probe(n),
+            sizes: Vec::new(),
+            behind: vec![0.0; n + 1],
+        }
+    }
+
+    /// The rate at which the regularity of ∇H^(σ) falls at a state, the point of the linearisation or next to it, for steps of length h.
+    pub(in crate::continuation) fn decline<'c, L: LinearSolver>(
         &mut self,
-        state: &mut State,
+        at: Linearisation<'c, L>,
+        map: &dyn ScaledMap,
+        row_sizes: &[f64],
+        state: &State,
         h: f64,
-    ) -> Result<(), ContinuationError> {
+    ) -> Result<(f64, Linearisation<'c, L>), PiecewiseError> {
         const SHARE: f64 = 1e-3;
         const LEAST: f64 = 1e-7;
         let distance = SHARE * h.max(LEAST / SHARE * (1.0 + norm(&state.x)));
-        let mut sizes = std::mem::take(&mut self.sizes);
-        sizes.clone_from(&self.row_sizes);
-        let decline = self.corrector.decline(
-            &self.map,
-            &self.selection,
+        self.sizes.clear();
+        self.sizes.extend_from_slice(row_sizes);
+        let (sizes, behind) = (&mut self.sizes, &mut self.behind);
+        let (rate, at) = at.decline(
+            map,
             (&state.x, &state.t),
             distance,
-            &mut sizes,
+            sizes,
             &mut self.probe,
-            &mut self.behind,
-        );
-        self.sizes = sizes;
-        // Without an estimate no singular point is expected.
-        state.decline = Some(decline?.unwrap_or(0.0));
+            behind,
+        )?;
         if self.probe.iter().any(|v| !v.is_finite()) {
             self.probe = generic_probe(self.probe.len());
         }
-        Ok(())
+        // Without an estimate no singular point is expected.
+        Ok((rate.unwrap_or(0.0), at))
     }
+}
 
+/// A vector that is unlikely to be orthogonal to a given one.
+fn generic_probe(n: usize) -> Vec<f64> {
+    let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
+    (0..n).map(|k| sign(k) * (0.5 + 0.5 * golden(k + 1))).collect()
+}
+
+/// Angle below which tangents next to a regular point, or at a singular one, cannot be distinguished from that of a linearisation with this
+/// estimate of its condition.
+pub(super) fn tangent_noise(regular: bool, rcond: Option<f64>) -> f64 {
+    let known = if regular { 1e-9 } else { ARMS };
+    known + 100.0 * f64::EPSILON / rcond.unwrap_or(1.0).max(f64::EPSILON)
+}
+
+/// Turns t into the tangent at x; `None` next to a singular point, where t is kept.
+fn sharpen<'c, 'a>(
+    corrector: &'c mut MoorePenrose<Solver<'a>>,
+    map: &dyn ScaledMap,
+    selection: &Selection,
+    x: &[f64],
+    t: &mut [f64],
+) -> Result<Option<Linearisation<'c, Solver<'a>>>, PiecewiseError> {
+    let at = if_solved(corrector.linearize(map, selection, x, Some(t)))?;
+    if let Some(at) = &at {
+        let sign = dot(at.tangent(), t).signum();
+        t.iter_mut().zip(at.tangent()).for_each(|(t, v)| *t = sign * v);
+    }
+    Ok(at)
+}
+
+impl<'a> Curve<'a> {
     /// Whether an undetected singular point lies between `here` and `next`, where the step ends at the event. It does if the regularity of
     /// ∇H, extrapolated linearly from one of the ends, falls to zero in between: the step has jumped to a curve that crosses, or has
     /// passed two crossings. If the step ends at a singular point, that must be the first one.
@@ -92,69 +160,33 @@ impl Curve<'_> {
         self.next.orientation.is_some() && ahead.max(behind) > 1.0
     }
 
-    /// Angle below which tangents cannot be distinguished. Those of arms at singular points come from difference quotients.
-    fn tangent_noise(&mut self) -> f64 {
-        self.tangent_noise_at(self.here.decline.is_some())
-    }
-
-    /// The same next to a regular point, or at a singular one.
-    pub(in crate::continuation) fn tangent_noise_at(&mut self, regular: bool) -> f64 {
-        let known = if regular { 1e-9 } else { 1e-5 };
-        let rcond = self.corrector.rcond().unwrap_or(1.0);
-        known + 100.0 * f64::EPSILON / rcond.max(f64::EPSILON)
-    }
-
-    /// Whether the step may have jumped to another curve: it turns much more than the last one, its chord is not that of an arc, or the
-    /// corrector converged slowly.
-    pub(super) fn is_doubtful(&mut self, shape: &Shape, h: f64, corrections: usize) -> bool {
-        const MORE: f64 = 2.0;
-        const SKEW: f64 = 0.1;
-        const SLOW: usize = 5;
-        let bend = self.curvature * h;
-        let above = |angle: f64, limit: f64| if angle > limit { angle } else { 0.0 };
-        let angle = above(shape.turn, MORE * bend).max(above(shape.deviation, SKEW * shape.turn.max(bend)));
-        corrections > SLOW || (angle > 0.0 && angle > self.tangent_noise())
-    }
-
-    /// Recomputes the tangents at both ends, which are those of the previous iterates, and returns their distance. That at a singular
-    /// point, where kernels are noise, is kept.
-    pub(super) fn sharpen_tangents(&mut self) -> Result<f64, ContinuationError> {
-        if self.here.decline.is_some() {
-            let (x, mut t) = (self.here.x.clone(), std::mem::take(&mut self.here.t));
+    /// Recomputes the tangents at both ends, which are those of the previous iterates, and returns their distance, with the noise of the
+    /// latter. That at a singular point, where kernels are noise, is kept.
+    pub(super) fn sharpen_tangents(&mut self) -> Result<(f64, f64), ContinuationError> {
+        let regular = self.here.decline.is_some();
+        if regular {
+            let State { x, t, .. } = &mut self.here;
             let at_fold = t.last() == Some(&0.0);
-            let made = self.sharpen(&x, &mut t);
+            sharpen(&mut self.corrector, &self.map, &self.selection, x, t)?;
             if at_fold && let Some(rate) = t.last_mut() {
                 *rate = 0.0;
             }
-            self.here.t = t;
-            made?;
         }
-        self.sharpen_next()?;
-        Ok(distance(&self.here.t, &self.next.t))
+        let rcond = self.sharpen_next()?.map_or(Some(0.0), |mut at| at.rcond());
+        let turn = distance(&self.here.t, &self.next.t);
+        Ok((turn, tangent_noise(regular, rcond)))
     }
 
-    /// Recomputes the tangent at `next`, and the sign of det ∇_yH with it.
-    pub(super) fn sharpen_next(&mut self) -> Result<(), ContinuationError> {
-        let (x, mut t) = (self.next.x.clone(), std::mem::take(&mut self.next.t));
-        let made = self.sharpen(&x, &mut t);
-        self.next.t = t;
-        if made? {
-            self.next.det_sign = self.corrector.det_sign();
+    /// Recomputes the tangent at `next`, and the sign of det ∇_yH with it, unless it is singular.
+    pub(super) fn sharpen_next(
+        &mut self,
+    ) -> Result<Option<Linearisation<'_, Solver<'a>>>, ContinuationError> {
+        let State { x, t, det_sign, .. } = &mut self.next;
+        let at = sharpen(&mut self.corrector, &self.map, &self.selection, x, t)?;
+        if let Some(at) = &at {
+            *det_sign = at.det_sign();
         }
-        Ok(())
-    }
-
-    /// Recomputes the tangent t at x; `false` next to a singular point, where the given tangent is kept.
-    fn sharpen(&mut self, x: &[f64], t: &mut [f64]) -> Result<bool, ContinuationError> {
-        match (self.corrector).linearize(&self.map, &self.selection, x, Some(t)) {
-            Ok(tangent) => {
-                let sign = dot(tangent, t).signum();
-                t.iter_mut().zip(tangent).for_each(|(t, v)| *t = sign * v);
-                Ok(true)
-            }
-            Err(PiecewiseError::Linear(_)) => Ok(false),
-            Err(e) => Err(e.into()),
-        }
+        Ok(at)
     }
 
     /// Whether the curve between `here` and `next` is the interpolant of its ends, tested by one correction halfway. It is not where the
@@ -177,23 +209,23 @@ impl Curve<'_> {
             free,
             1,
         );
-        let stray = match corrected {
-            Ok(c) => c.step_norm,
-            Err(PiecewiseError::Linear(_)) => return Ok(false),
-            Err(e) => return Err(e.into()),
+        let Some((correction, mut at)) = if_solved(corrected)? else {
+            return Ok(false);
         };
-        let turns = match (self.corrector.orientation(&middle.t), self.here.orientation) {
+        let turns = match (at.orientation(&middle.t), self.here.orientation) {
             (Some(middle), Some(here)) => middle != here,
             _ => false,
         };
-        let near = stray <= STRAY * shape.turn * high.s + 1e-12 * (1.0 + norm(&high.x));
+        let near = correction.step_norm <= STRAY * shape.turn * high.s + 1e-12 * (1.0 + norm(&high.x));
         let tilt = distance(&middle.t, &mean);
-        Ok(!turns && near && tilt <= TILT * shape.turn + self.tangent_noise())
+        let mut noise = || tangent_noise(self.here.decline.is_some(), at.rcond());
+        Ok(!turns && near && tilt <= TILT * shape.turn + noise())
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::Shape;
     use crate::continuation::testing::Plane;
 
     fn line() -> Plane {
@@ -208,7 +240,7 @@ mod tests {
         let curve = run.curve.erased_mut();
         let mut accepts = |y: f64, alpha: f64| {
             curve.step_to([y, alpha], [0.0, 1.0]);
-            curve.shape(0.1).is_some()
+            Shape::of(&curve.here, &curve.next, 0.1, curve.options.min_cos).is_some()
         };
         assert!(accepts(0.0, 0.1) && accepts(0.0, 0.051) && accepts(0.0, 0.199));
         assert!(!accepts(0.0, 0.049) && !accepts(0.0, 0.201));
@@ -222,9 +254,9 @@ mod tests {
         let mut run = map.curve(0.0, 0.0);
         let curve = run.curve.erased_mut();
         curve.step_to([0.0, 0.1], [0.0, 1.0]);
-        let shape = curve.shape(0.1).unwrap();
-        assert!(!curve.is_doubtful(&shape, 0.1, 5));
-        assert!(curve.is_doubtful(&shape, 0.1, 6));
+        let shape = Shape::of(&curve.here, &curve.next, 0.1, curve.options.min_cos).unwrap();
+        assert!(!shape.is_doubtful(0.0, 5, || 0.0));
+        assert!(shape.is_doubtful(0.0, 6, || 0.0));
     }
 
     /// The point halfway lies on the line, but its orientation is that of another curve.
@@ -234,7 +266,7 @@ mod tests {
         let mut run = map.curve(0.0, 0.0);
         let curve = run.curve.erased_mut();
         curve.step_to([0.0, 0.1], [0.0, 1.0]);
-        let shape = curve.shape(0.1).unwrap();
+        let shape = Shape::of(&curve.here, &curve.next, 0.1, curve.options.min_cos).unwrap();
         let own = curve.here.orientation.unwrap();
         assert!(curve.holds_halfway(&shape).unwrap());
         curve.here.orientation = Some(-own);

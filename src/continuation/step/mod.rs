@@ -4,7 +4,7 @@
 mod affine;
 mod arrive;
 mod correct;
-mod judge;
+pub(super) mod judge;
 mod switching;
 
 use super::engine::Curve;
@@ -80,7 +80,7 @@ impl Curve<'_> {
         }
         // Next to a singular point rounding does not tell arms apart: the first step ends where it does.
         let probe = std::mem::take(&mut self.here.probe);
-        let mut ahead = (leaves_singular && !probe.is_empty()).then(|| self.progress_to(&probe));
+        let mut ahead = (leaves_singular && !probe.is_empty()).then(|| self.here.progress_to(&probe));
         ahead = ahead.filter(|s| *s > 0.0 && *s <= limit);
         h = ahead.unwrap_or(h);
         let (mut rejected, mut crossing) = (0, false);

@@ -4,12 +4,12 @@
 //! `ContinuationOptions::haslinger_janovsky_ligursky`.
 
 use crate::continuation::engine::Curve;
+use crate::continuation::error::if_converged;
 use crate::continuation::event::turn::kind;
 use crate::continuation::{ContinuationError, Event, PointKind, StepRule, Termination, Transition};
 use crate::newton::Correction;
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing,
-    select_pieces,
+    ActiveSet, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing, select_pieces,
 };
 use crate::sparse::{distance, dot, norm};
 
@@ -79,14 +79,13 @@ impl Curve<'_> {
             tolerances,
             self.options.max_corrections,
         );
-        match corrected {
-            Ok(c) if c.converged && self.accepts(&selection, h) => {
-                self.next.residual_norm = c.residual_norm;
-                Ok(Some(c))
-            }
-            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(None),
-            Err(e) => Err(e.into()),
-        }
+        let Some((correction, at)) = if_converged(corrected)? else {
+            return Ok(None);
+        };
+        self.next.residual_norm = correction.residual_norm;
+        self.next.orientation = at.orientation(&self.next.t);
+        self.next.det_sign = at.det_sign();
+        Ok(self.accepts(&selection, h).then_some(correction))
     }
 
     /// Whether `next`, finally corrected with `selection`, continues the curve from `here` without a kink in between: a point far from
@@ -106,8 +105,6 @@ impl Curve<'_> {
     fn arrive_switching(&mut self, corrections: usize) -> Result<(), ContinuationError> {
         self.arclength += distance(&self.here.x, &self.next.x);
         std::mem::swap(&mut self.here, &mut self.next);
-        self.here.orientation = self.corrector.orientation(&self.here.t);
-        self.here.det_sign = self.corrector.det_sign();
         let alpha = self.here.x[self.here.x.len() - 1];
         let (lower, upper) = self.options.parameter_range;
         if alpha < lower || alpha > upper {
@@ -138,14 +135,11 @@ impl Curve<'_> {
                 continue;
             }
             let x = self.here.x.clone();
-            let Ok(tangent) = self
-                .corrector
-                .linearize(&self.map, &selection, &x, Some(&arrival))
-            else {
+            let Ok(at) = (self.corrector).linearize(&self.map, &selection, &x, Some(&arrival)) else {
                 continue;
             };
-            let mut tangent = tangent.to_vec();
-            let sign = match (self.corrector.orientation(&tangent), oriented) {
+            let mut tangent = at.tangent().to_vec();
+            let sign = match (at.orientation(&tangent), oriented) {
                 (Some(s), Some(o)) => f64::from(s * o),
                 _ => dot(&tangent, &arrival).signum(),
             };
@@ -186,19 +180,15 @@ impl Curve<'_> {
             tolerances,
             self.options.max_corrections,
         );
-        match corrected {
-            Ok(c) if c.converged => {
-                self.here.x = x;
-                self.here.t = t;
-                self.here.residual_norm = c.residual_norm;
-                self.here.orientation = self.corrector.orientation(&self.here.t);
-                self.here.det_sign = self.corrector.det_sign();
-                self.map.test_functions(&self.here.x, &mut self.here.theta);
-                Ok(())
-            }
-            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(()),
-            Err(e) => Err(e.into()),
+        if let Some((c, at)) = if_converged(corrected)? {
+            self.here.residual_norm = c.residual_norm;
+            self.here.orientation = at.orientation(&t);
+            self.here.det_sign = at.det_sign();
+            self.here.x = x;
+            self.here.t = t;
+            self.map.test_functions(&self.here.x, &mut self.here.theta);
         }
+        Ok(())
     }
 
     fn emit_switch(

@@ -237,12 +237,10 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
         let along = distance / dot(t, &self.normal);
         let mut z: Vec<f64> = z.iter().zip(&*t).map(|(z, t)| z + along * t).collect();
         let (anchor, normal) = (&self.anchor, &self.normal);
-        let corrected = (self.tools.corrector).correct_in_plane(
+        let (corrected, _) = (self.tools.corrector).correct_in_plane(
             self.scaled,
             self.selection,
-            anchor,
-            normal,
-            s,
+            (anchor, normal, s),
             &mut z,
             t,
         )?;

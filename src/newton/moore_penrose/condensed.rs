@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::MoorePenrose;
+use super::{Held, MoorePenrose};
 use crate::linear::{Bordered, CondensedRows, HierarchicalLu, LinearError, LinearSolver, RowUpdates};
 use crate::piecewise::{CondensedJacobian, CondensedRoom, PiecewiseError, PiecewiseSmooth, Selection};
 
@@ -70,9 +70,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(true)
     }
 
-    /// Adds Σⱼ |∇H_ij| sⱼ to each entry of `out`, for the Jacobian of the last linearisation.
-    pub(crate) fn add_term_sizes(&mut self, map: &dyn PiecewiseSmooth, sizes: &[f64], out: &mut [f64]) {
-        let hierarchical = self.updated_at_hand && self.condensed.in_use();
+    /// Adds Σⱼ |∇H_ij| sⱼ to each entry of `out`, for the linearisation held.
+    pub(super) fn add_term_sizes(&mut self, map: &dyn PiecewiseSmooth, sizes: &[f64], out: &mut [f64]) {
+        let hierarchical = self.held == Held::Updates && self.condensed.in_use();
         let CondensedSystem { rows, room, .. } = &mut self.condensed;
         match map
             .structure()

@@ -1,6 +1,7 @@
 //! Corrections of a predicted point.
 
-use super::{AT_ROUNDING, CONTRACTION, Correction, MoorePenrose, QUADRATIC, SECANTS};
+use super::linearisation::{Corrected, Linearisation};
+use super::{AT_ROUNDING, CONTRACTION, Correction, Held, MoorePenrose, QUADRATIC, SECANTS};
 use crate::linear::{DENSE_LIMIT, LinearSolver};
 use crate::newton::chords::{newton_steps, turn_into};
 use crate::newton::convergence::row_sizes;
@@ -11,7 +12,10 @@ use crate::tolerances::{SAME, SIX_DIGITS};
 impl<L: LinearSolver> MoorePenrose<L> {
     /// Corrects X = `x` towards the curve of the selection, which `choose` may change at each iterate (or leave, to freeze it), and turns
     /// `t` into the tangent there. Ends when ‖H‖ and ‖ΔX‖ are less than the two `tolerances`, or ‖H‖ is and ‖ΔX‖ is no longer than rounding
-    /// errors of H make it, or after `max_iterations`.
+    /// errors of H make it, or after `max_iterations` (0 only linearises).
+    ///
+    /// The linearisation belongs to the last iterate but one, and so does `t`, where one iteration or Newton's method made the last
+    /// correction; where large systems were corrected with the factors of an earlier iterate (chord steps), `t` is the tangent at `x`.
     ///
     /// # Errors
     /// Singular or non-finite linear systems, entries outside the pattern, vectors of other lengths, selections of other maps.
@@ -25,17 +29,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
         t: &mut [f64],
         tolerances: (f64, f64),
         max_iterations: usize,
-    ) -> Result<Correction, PiecewiseError> {
-        self.correct_measured(
-            &map,
-            selection,
-            &mut choose,
-            &norm,
-            x,
-            t,
-            tolerances,
-            max_iterations,
-        )
+    ) -> Result<(Correction, Linearisation<'_, L>), PiecewiseError> {
+        let limits = (tolerances, max_iterations);
+        let found = self.correct_measured(&map, selection, &mut choose, &norm, x, t, limits)?;
+        Ok((found.correction, found.linearisation()))
     }
 
     /// [`correct`](Self::correct) with another measure of H than its norm for the first tolerance.
@@ -48,8 +45,22 @@ impl<L: LinearSolver> MoorePenrose<L> {
         measure: &dyn Fn(&[f64]) -> f64,
         x: &mut [f64],
         t: &mut [f64],
-        (tol_residual, tol_step): (f64, f64),
-        max_iterations: usize,
+        limits: ((f64, f64), usize),
+    ) -> Result<Corrected<'_, L>, PiecewiseError> {
+        let correction = self.corrections(map, selection, choose, measure, x, t, limits)?;
+        Ok(Corrected::of(correction, self))
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn corrections(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
+        selection: &mut Selection,
+        choose: &mut dyn FnMut(&[f64], &mut Selection),
+        measure: &dyn Fn(&[f64]) -> f64,
+        x: &mut [f64],
+        t: &mut [f64],
+        ((tol_residual, tol_step), max_iterations): ((f64, f64), usize),
     ) -> Result<Correction, PiecewiseError> {
         self.check(map, selection, &[("the point x", x), ("the tangent t", t)])?;
         choose(x, selection);
@@ -64,11 +75,13 @@ impl<L: LinearSolver> MoorePenrose<L> {
         // Chord steps with the present factors, and corrections before these.
         let (mut steps, mut before) = (0_usize, 0);
         let mut taken = 0;
+        if max_iterations == 0 {
+            self.assemble_and_factor(map, selection, x, Some(t))?;
+        }
         let (mut chord, mut met) = (false, false);
         while met || outcome.iterations < max_iterations {
             if !chord {
-                self.assemble(map, selection, x)?;
-                self.factor_at(selection, x, Some(t))?;
+                self.assemble_and_factor(map, selection, x, Some(t))?;
                 (before, steps) = (outcome.iterations, 0);
             }
             self.bordered.solve(&self.r, t, 0.0, &mut self.dx)?;
@@ -120,23 +133,22 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(outcome)
     }
 
-    /// Solves H^(σ)(X) = 0 in the hyperplane `normal`·(X − `anchor`) = `s` (Keller's pseudo-arclength), from the guess X = `x`,
-    /// until steps no longer shrink, that is, to rounding. `t` becomes the tangent there, oriented along `normal`.
+    /// Solves H^(σ)(X) = 0 in the hyperplane normal·(X − anchor) = s (Keller's pseudo-arclength), `plane` = (anchor, normal, s), from the guess
+    /// X = `x`, until steps no longer shrink, that is, to rounding. `t` becomes the tangent of the linearisation, which is that of the last
+    /// iterate but one, oriented along the normal.
     ///
     /// # Errors
     /// Singular or non-finite linear systems, vectors of other lengths, selections of other maps.
-    #[allow(clippy::too_many_arguments)]
     pub fn correct_in_plane<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
         selection: &Selection,
-        anchor: &[f64],
-        normal: &[f64],
-        s: f64,
+        plane: (&[f64], &[f64], f64),
         x: &mut [f64],
         t: &mut [f64],
-    ) -> Result<Correction, PiecewiseError> {
-        self.correct_in_plane_on(&map, selection, (anchor, normal, s), x, Some(t))
+    ) -> Result<(Correction, Linearisation<'_, L>), PiecewiseError> {
+        let correction = self.correct_in_plane_on(&map, selection, plane, x, Some(t))?;
+        Ok((correction, Linearisation::of(self)))
     }
 
     /// [`correct_in_plane`](Self::correct_in_plane) without the tangent, by chord steps with the last factors where they belong to the same
@@ -147,8 +159,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
         selection: &Selection,
         plane: (&[f64], &[f64], f64),
         x: &mut [f64],
-    ) -> Result<Correction, PiecewiseError> {
-        self.correct_in_plane_on(&map, selection, plane, x, None)
+    ) -> Result<(Correction, Linearisation<'_, L>), PiecewiseError> {
+        let correction = self.correct_in_plane_on(&map, selection, plane, x, None)?;
+        Ok((correction, Linearisation::of(self)))
     }
 
     /// Whether a step from x in the plane normal to `normal` is no longer than the step that rounding errors of H cause with the stored
@@ -197,7 +210,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
             step_norm: f64::INFINITY,
             rate: 0.0,
         };
-        let mut chord = t.is_none() && self.last.as_ref() == Some(selection);
+        let known = matches!(self.held, Held::Point | Held::Nearby | Held::Refined);
+        let mut chord = t.is_none() && known && self.selection == *selection;
         let mut guess = chord.then(|| x.to_vec());
         self.secants.clear();
         while outcome.iterations < LIMIT {
@@ -210,8 +224,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
                 .sum::<f64>()
                 - s;
             if !chord {
-                self.assemble(map, selection, x)?;
-                self.factor_at(selection, x, Some(normal))?;
+                self.assemble_and_factor(map, selection, x, Some(normal))?;
             }
             self.bordered.solve(&self.r, normal, offset, &mut self.dx)?;
             // Steps that are rounding errors carry no information on the Jacobian.
