@@ -57,13 +57,8 @@ pub fn certify_with<P: PiecewiseSmooth + ?Sized>(
     options: &ContinuationOptions,
 ) -> Result<LocalUniqueness, ContinuationError> {
     let active = active_at(&map, x, options)?;
-    Ok(local_uniqueness_with(
-        map,
-        x,
-        &active,
-        derivative,
-        options.max_selections,
-    )?)
+    let most = options.max_selections;
+    Ok(local_uniqueness_with(map, x, &active, derivative, most)?)
 }
 
 fn active_at(
@@ -76,15 +71,8 @@ fn active_at(
     let layout = TestLayout::new(map);
     let mut theta = vec![0.0; layout.total()];
     map.test_functions(x, &mut theta);
-    let vanishing = vanishing_at(
-        map,
-        &layout,
-        &select(map, x),
-        x,
-        &theta,
-        options.vanishing_distance,
-        &[],
-    );
+    let (selection, distance) = (select(map, x), options.vanishing_distance);
+    let vanishing = vanishing_at(map, &layout, &selection, x, &theta, distance, &[]);
     let indices = vanishing.iter().map(|v| v.index).collect();
     Ok(ActiveSet::from_tests(map, &layout, &theta, indices))
 }
@@ -111,13 +99,8 @@ impl Transition {
         map.test_functions(&self.x, &mut theta);
         keep_inside(&map, &layout, &self.before, &self.vanishing, &mut theta);
         let active = ActiveSet::from_tests(map, &layout, &theta, self.vanishing.clone());
-        Ok(local_uniqueness(
-            map,
-            &self.x,
-            &active,
-            load,
-            options.max_selections,
-        )?)
+        let most = options.max_selections;
+        Ok(local_uniqueness(map, &self.x, &active, load, most)?)
     }
 }
 

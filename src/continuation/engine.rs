@@ -2,13 +2,17 @@ use std::collections::VecDeque;
 use std::fmt;
 
 use super::error::if_solved;
+use super::event::monitor::Monitors;
 use super::event::watch::Departure;
 use super::step::judge::Regularity;
 use super::{ContinuationError, ContinuationOptions, Event, Point, PointKind, Termination};
 use crate::clock::{Clock, Deadline};
 use crate::linear::LinearSolver;
-use crate::newton::MoorePenrose;
-use crate::piecewise::{PiecewiseSmooth, Scaled, ScaledMap, Selection, TestLayout, Vanishing};
+use crate::newton::{Linearisation, MoorePenrose};
+use crate::piecewise::{
+    ActiveSet, Facet, PiecewiseSmooth, PiecewiseSmoothExt, Scaled, ScaledMap, Selection, TestLayout,
+    Vanishing,
+};
 use crate::sparse::{Matrix, norm};
 use crate::tolerances::ROUNDING;
 
@@ -42,86 +46,140 @@ pub(super) struct State {
 }
 
 impl State {
+    /// The point at a distance along the tangent.
+    pub(super) fn ahead(&self, s: f64) -> Vec<f64> {
+        self.x.iter().zip(&self.t).map(|(x, t)| x + s * t).collect()
+    }
+
+    /// Makes this the point at a distance along the tangent at another state, with that tangent.
+    pub(super) fn predict(&mut self, from: &Self, s: f64) {
+        for (x, (x0, t)) in self.x.iter_mut().zip(from.x.iter().zip(&from.t)) {
+            *x = x0 + s * t;
+        }
+        self.t.copy_from_slice(&from.t);
+    }
+
+    /// Takes the signs of determinants from a linearisation; `None` where ∇H is singular.
+    pub(super) fn take_signs<L: LinearSolver>(&mut self, at: Option<&Linearisation<'_, L>>) {
+        self.orientation = at.and_then(|at| at.orientation(&self.t));
+        self.det_sign = at.and_then(|at| at.det_sign());
+    }
+
+    /// Leaves open what a singular ∇H does not tell.
+    pub(super) fn forget_signs(&mut self) {
+        (self.orientation, self.det_sign, self.decline) = (None, None, None);
+    }
+
     /// Distance of x along the tangent.
     pub(super) fn progress_to(&self, x: &[f64]) -> f64 {
         let chord = x.iter().zip(&self.x).map(|(x, x0)| x - x0);
         self.t.iter().zip(chord).map(|(t, c)| t * c).sum()
+    }
+
+    /// Sets the values of the test functions.
+    pub(super) fn find_tests(&mut self, map: &dyn ScaledMap, selection: &Selection) {
+        map.tests_of_selection(selection, &self.x, None, &mut self.theta);
     }
 }
 
 /// The solver of the corrector, of any type.
 pub(super) type Solver<'a> = Box<dyn LinearSolver + Send + 'a>;
 
-/// A function of x = (y, α) that threads may share.
-pub(super) type Function<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
-
 /// Whether the curve is to end, as the user's function says.
 pub(super) type Over<'a> = Box<dyn Fn() -> bool + Send + Sync + 'a>;
 
-/// A function of x, and the side of its zero set on which the curve runs.
-pub(super) struct Watch<'a> {
-    pub(super) name: String,
-    pub(super) function: Function<'a>,
-    pub(super) stops: bool,
-    /// Sign of the function before its next zero; 0 as long as it has vanished exactly. Kept apart from values, which are rounding
-    /// errors at a zero that has just been passed.
-    pub(super) side: f64,
-    /// Whether the sign changes within the step at hand without a zero: at a pole or a jump.
-    pub(super) jumped: bool,
+/// What is decided before the curve leaves its start, and written no more.
+pub(super) struct Setup<'a> {
+    pub(super) options: ContinuationOptions,
+    pub(super) layout: TestLayout,
+    /// Whether all arms are wanted at each event, as in a diagram, rather than the one along which the curve goes on.
+    pub(super) every_arm: bool,
+    pub(super) start: Vec<f64>,
+    /// 1 + ‖x‖ at the start.
+    pub(super) size: f64,
+    /// Started if time is limited.
+    pub(super) clock: Option<Clock>,
+    /// Whether the user wants the curve to end; also checked within a step.
+    pub(super) over: Option<Over<'a>>,
 }
 
-impl Watch<'_> {
-    pub(super) fn value(&self, x: &[f64]) -> f64 {
-        (self.function)(x)
+impl Setup<'_> {
+    /// Deadline of searches for arms.
+    pub(super) fn deadline(&self) -> Deadline<'_> {
+        match &self.over {
+            Some(over) => self.time_limit().or(over),
+            None => self.time_limit(),
+        }
     }
+
+    fn time_limit(&self) -> Deadline<'_> {
+        match self.clock {
+            Some(clock) => Deadline::of(clock, self.options.max_time),
+            None => Deadline::after(None),
+        }
+    }
+
+    /// The reason of the user for which the curve has to end, if there is one.
+    pub(super) fn is_over(&self) -> Option<Termination> {
+        if self.over.as_ref().is_some_and(|over| over()) {
+            return Some(Termination::Interrupted);
+        }
+        (self.time_limit().is_over()).then_some(Termination::TimeLimit)
+    }
+}
+
+/// How the curve goes on from the point at which it is.
+pub(super) struct Path {
+    pub(super) selection: Selection,
+    /// Test functions in whose zero set the curve runs.
+    pub(super) grazing: Vec<Vanishing>,
+    /// Selections co-active on a grazing curve, with their orientations at the point, as far as known.
+    pub(super) coactive: Vec<(Selection, Option<i8>)>,
+    pub(super) arclength: f64,
+    pub(super) h: f64,
+    /// Curvature of the last steps: turn of the tangent over length, decaying where the curve straightens.
+    pub(super) curvature: f64,
+    /// Number of steps in a row that had to be shortened.
+    pub(super) creeping: usize,
+    /// Size of the terms of H for affine pieces; for curved ones that of each row.
+    pub(super) residual_scale: f64,
+    pub(super) row_sizes: Vec<f64>,
+    pub(super) regularity: Regularity,
+}
+
+/// What is told of the curve.
+#[derive(Default)]
+pub(super) struct Told {
+    pub(super) queue: VecDeque<Event>,
+    pub(super) points: usize,
+    /// Factorisations and corrections before the state was last saved.
+    pub(super) earlier: (usize, usize),
+    pub(super) termination: Option<Termination>,
+}
+
+#[derive(Default)]
+pub(super) struct Buffers {
+    pub(super) rates: Vec<f64>,
+    pub(super) residual: Vec<f64>,
+    /// Sizes of the terms of each row of H at the end of the step.
+    pub(super) sizes: Vec<f64>,
+    pub(super) departure: Departure,
+    /// Norms of the gradients of test functions that are affine, as far as known.
+    pub(super) gradient_norms: Vec<f64>,
 }
 
 /// A curve that is being followed. Computations are written for `Curve<'_>`, with the map behind a trait object, and compiled once. The
 /// map is stored with its own type, so that a curve can be sent to another thread if its map can be shared; see [`erased`](Curve::erased).
 pub(super) struct Curve<'a, M: ?Sized = dyn ScaledMap + 'a> {
-    pub(super) options: ContinuationOptions,
-    pub(super) layout: TestLayout,
+    pub(super) setup: Setup<'a>,
     pub(super) corrector: MoorePenrose<Solver<'a>>,
-    pub(super) selection: Selection,
     pub(super) here: State,
+    /// The end of the step that is being tried; once it has been made, its start.
     pub(super) next: State,
-    /// Test functions in whose zero set the curve runs.
-    pub(super) grazing: Vec<Vanishing>,
-    /// Selections co-active on a grazing curve, with their orientations at `here`, as far as known.
-    pub(super) coactive: Vec<(Selection, Option<i8>)>,
-    pub(super) arclength: f64,
-    pub(super) h: f64,
-    pub(super) size: f64,
-    /// Size of the terms of H for affine pieces; for curved ones that of each row.
-    pub(super) residual_scale: f64,
-    pub(super) row_sizes: Vec<f64>,
-    /// Curvature of the last steps: turn of the tangent over length, decaying where the curve straightens.
-    pub(super) curvature: f64,
-    pub(super) points: usize,
-    pub(super) regularity: Regularity,
-    /// Number of steps in a row that had to be shortened.
-    pub(super) creeping: usize,
-    pub(super) queue: VecDeque<Event>,
-    pub(super) termination: Option<Termination>,
-    /// Whether all arms are wanted at each event, as in a diagram, rather than the one along which the curve goes on.
-    pub(super) every_arm: bool,
-    pub(super) start: Vec<f64>,
-    /// Started if time is limited.
-    pub(super) clock: Option<Clock>,
-    /// Whether the user wants the curve to end; also checked within a step.
-    pub(super) over: Option<Over<'a>>,
-    /// Factorisations and corrections before the state was last saved.
-    pub(super) earlier: (usize, usize),
-    /// Buffers.
-    pub(super) rates: Vec<f64>,
-    pub(super) departure: Departure,
-    /// Norms of the gradients of test functions that are affine, as far as known.
-    pub(super) gradient_norms: Vec<f64>,
-    pub(super) next_sizes: Vec<f64>,
-    pub(super) residual: Vec<f64>,
-    /// Monitor functions, and their signs where a saved run ended.
-    pub(super) watches: Vec<Watch<'a>>,
-    pub(super) saved_sides: Vec<f64>,
+    pub(super) path: Path,
+    pub(super) monitors: Monitors<'a>,
+    pub(super) told: Told,
+    pub(super) buffers: Buffers,
     /// The map in scaled variables, in which everything here is computed; events are given in its own.
     pub(super) map: M,
 }
@@ -131,37 +189,14 @@ impl<'a, M> Curve<'a, Scaled<M>> {
     pub(super) fn with_map<N>(self, map: N) -> Curve<'a, Scaled<N>> {
         Curve {
             map: self.map.with_map(map),
-            options: self.options,
-            layout: self.layout,
+            setup: self.setup,
             corrector: self.corrector,
-            selection: self.selection,
             here: self.here,
             next: self.next,
-            grazing: self.grazing,
-            coactive: self.coactive,
-            arclength: self.arclength,
-            h: self.h,
-            size: self.size,
-            residual_scale: self.residual_scale,
-            row_sizes: self.row_sizes,
-            curvature: self.curvature,
-            points: self.points,
-            regularity: self.regularity,
-            creeping: self.creeping,
-            queue: self.queue,
-            termination: self.termination,
-            every_arm: self.every_arm,
-            start: self.start,
-            clock: self.clock,
-            over: self.over,
-            earlier: self.earlier,
-            rates: self.rates,
-            departure: self.departure,
-            gradient_norms: self.gradient_norms,
-            next_sizes: self.next_sizes,
-            residual: self.residual,
-            watches: self.watches,
-            saved_sides: self.saved_sides,
+            path: self.path,
+            monitors: self.monitors,
+            told: self.told,
+            buffers: self.buffers,
         }
     }
 }
@@ -181,7 +216,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, Scaled<&'a P>> {
 impl<'a> Curve<'a> {
     /// Why the curve ended, once it has.
     pub(super) fn termination(&self) -> Option<Termination> {
-        self.termination
+        self.told.termination
     }
 
     /// The current point.
@@ -193,7 +228,7 @@ impl<'a> Curve<'a> {
 
     /// Number of factorisations so far.
     pub(super) fn factorisations(&self) -> usize {
-        (self.earlier.0).saturating_add(self.corrector.factorisations())
+        (self.told.earlier.0).saturating_add(self.corrector.factorisations())
     }
 
     /// Number of factorisations saved so far by updates, where all pieces are affine.
@@ -203,12 +238,12 @@ impl<'a> Curve<'a> {
 
     /// Number of correction steps so far.
     pub(super) fn corrections(&self) -> usize {
-        (self.earlier.1).saturating_add(self.corrector.iterations())
+        (self.told.earlier.1).saturating_add(self.corrector.iterations())
     }
 
     /// Ends the curve; the iterator gives what is still in the queue and then nothing.
     pub(super) fn stop(&mut self) {
-        self.termination.get_or_insert(Termination::Interrupted);
+        self.told.termination.get_or_insert(Termination::Interrupted);
     }
 
     /// Sign of det [∇H^(σ)(x); tᵀ], `None` when it is singular or unknown.
@@ -224,8 +259,43 @@ impl<'a> Curve<'a> {
 
     /// The unit tangent of the followed selection at `here`; `None` where it is singular.
     pub(super) fn tangent_here(&mut self) -> Result<Option<Vec<f64>>, ContinuationError> {
-        let at = (self.corrector).linearize(&self.map, &self.selection, &self.here.x, None);
+        let at = (self.corrector).linearize(&self.map, &self.path.selection, &self.here.x, None);
         Ok(if_solved(at)?.map(|at| at.tangent().to_vec()))
+    }
+
+    /// Facets of the cell that is followed, each with the position of its test function among all.
+    pub(super) fn facets(&self) -> impl Iterator<Item = (usize, Facet)> + '_ {
+        let layout = &self.setup.layout;
+        (0..layout.num_sites()).flat_map(move |site| {
+            let first = layout.range(site).start;
+            let cell = self.map.cell(site, self.path.selection.piece(site));
+            cell.iter().map(move |facet| (first + facet.test(), *facet))
+        })
+    }
+
+    pub(super) fn is_grazing(&self, index: usize) -> bool {
+        self.path.grazing.iter().any(|v| v.index == index)
+    }
+
+    /// A test function at `here`.
+    pub(super) fn test_here(&self, index: usize) -> Vanishing {
+        let (layout, selection) = (&self.setup.layout, &self.path.selection);
+        Vanishing::new(&self.map, layout, selection, index, &self.here.x)
+    }
+
+    /// Rates of the test functions along the tangent at a state.
+    pub(super) fn rates_at(&self, state: &State) -> Vec<f64> {
+        let mut rates = vec![0.0; self.setup.layout.total()];
+        let (selection, t) = (&self.path.selection, Some(&state.t[..]));
+        self.map.tests_of_selection(selection, &state.x, t, &mut rates);
+        rates
+    }
+
+    /// The selections that meet at `here`, where these test functions vanish, by the side on which the curve arrived.
+    pub(super) fn active_beside(&self, vanishing: &[Vanishing]) -> ActiveSet {
+        let indices = vanishing.iter().map(|v| v.index).collect();
+        let (layout, selection) = (&self.setup.layout, &self.path.selection);
+        ActiveSet::beside(&self.map, layout, &self.here.theta, indices, selection)
     }
 
     pub(super) fn emit_start(&mut self) {
@@ -234,21 +304,21 @@ impl<'a> Curve<'a> {
     }
 
     pub(super) fn emit(&mut self, mut event: Event) {
-        self.points = self.points.saturating_add(1);
+        self.told.points = self.told.points.saturating_add(1);
         self.map.unscale_event(&mut event);
-        self.queue.push_back(event);
+        self.told.queue.push_back(event);
     }
 
     pub(super) fn point_here(&self, kind: PointKind, corrections: usize) -> Point {
-        let mut grazing: Vec<usize> = self.grazing.iter().map(|v| v.site).collect();
+        let mut grazing: Vec<usize> = self.path.grazing.iter().map(|v| v.site).collect();
         grazing.sort_unstable();
         grazing.dedup();
         Point {
             x: self.here.x.clone(),
             tangent: self.here.t.clone(),
-            selection: self.selection.clone(),
+            selection: self.path.selection.clone(),
             grazing,
-            arclength: self.arclength,
+            arclength: self.path.arclength,
             residual_norm: self.here.residual_norm,
             det_sign: self.det_sign_here(),
             corrections,
@@ -269,46 +339,20 @@ impl<'a> Curve<'a> {
         }
     }
 
-    /// Deadline of searches for arms.
-    pub(super) fn deadline<'s>(
-        clock: Option<Clock>,
-        options: &ContinuationOptions,
-        over: Option<&'s Over<'_>>,
-    ) -> Deadline<'s> {
-        let deadline = match clock {
-            Some(clock) => Deadline::of(clock, options.max_time),
-            None => Deadline::after(None),
-        };
-        match over {
-            Some(over) => deadline.or(over),
-            None => deadline,
-        }
-    }
-
-    /// The reason for which the curve has to end here, if there is one.
-    pub(super) fn is_over(&self) -> Option<Termination> {
-        if self.over.as_ref().is_some_and(|over| over()) {
-            return Some(Termination::Interrupted);
-        }
-        Self::deadline(self.clock, &self.options, None)
-            .is_over()
-            .then_some(Termination::TimeLimit)
-    }
-
     pub(super) fn limits(&mut self) {
-        let over = self.is_over();
-        let reason = if self.points >= self.options.max_points {
+        let over = self.setup.is_over();
+        let reason = if self.told.points >= self.setup.options.max_points {
             Termination::PointLimit
-        } else if self.arclength >= self.options.max_arclength {
+        } else if self.path.arclength >= self.setup.options.max_arclength {
             Termination::ArclengthLimit
-        } else if norm(&self.here.x) > self.options.max_growth * self.size {
+        } else if norm(&self.here.x) > self.setup.options.max_growth * self.setup.size {
             Termination::Unbounded
         } else if let Some(over) = over {
             over
         } else {
             return;
         };
-        self.termination = Some(reason);
+        self.told.termination = Some(reason);
     }
 }
 
@@ -318,11 +362,11 @@ impl fmt::Debug for Curve<'_> {
         self.map.unscale(&mut x);
         f.debug_struct("Continuation")
             .field("x", &x)
-            .field("selection", &self.selection)
-            .field("arclength", &(self.arclength * self.map.parameter_size()))
-            .field("points", &self.points)
-            .field("termination", &self.termination)
-            .field("options", &self.options)
+            .field("selection", &self.path.selection)
+            .field("arclength", &(self.path.arclength * self.map.parameter_size()))
+            .field("points", &self.told.points)
+            .field("termination", &self.told.termination)
+            .field("options", &self.setup.options)
             .finish_non_exhaustive()
     }
 }

@@ -7,12 +7,9 @@ use super::engine::{Curve, State, belongs};
 use super::error::if_solved;
 use super::start::{auto_corrector, prepare_at};
 use super::{Continuation, ContinuationError, ContinuationOptions, Event, Termination};
-use crate::InputError;
 use crate::clock::Clock;
-use crate::input::check_vector;
-use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, check_selection,
-};
+use crate::input::{check_length, check_vector};
+use crate::piecewise::{PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, check_selection};
 
 /// The state of a [`Continuation`] between two events: point, tangent, selection, step size, options, counters, events not yet
 /// returned. With the `serde` feature it can be written and read in any format.
@@ -140,20 +137,9 @@ impl SavedRun {
             return Err(ContinuationError::Saved);
         }
         let layout = TestLayout::new(map);
-        let length = |what, expected: usize, found: usize| {
-            let error = PiecewiseError::Input(InputError::Length {
-                what,
-                expected,
-                found,
-            });
-            if expected == found { Ok(()) } else { Err(error) }
-        };
-        length(
-            "the residual of the saved run",
-            map.num_residuals(),
-            self.residuals,
-        )?;
-        length("the list of sites of the saved run", map.num_sites(), self.sites)?;
+        let (residuals, sites) = (map.num_residuals(), map.num_sites());
+        check_length("the residual of the saved run", self.residuals, residuals)?;
+        check_length("the list of sites of the saved run", self.sites, sites)?;
         let m = map.num_vars();
         check_vector("the saved point", &self.here.x, m)?;
         check_vector("the saved point", &self.x, m)?;
@@ -211,35 +197,35 @@ fn prepared<'a, 'b>(
 
 impl Curve<'_> {
     fn save(&mut self) -> Result<SavedRun, ContinuationError> {
-        self.earlier = (self.factorisations(), self.corrections());
+        self.told.earlier = (self.factorisations(), self.corrections());
         self.corrector = auto_corrector(&&self.map)?;
         self.renew_factors()?;
-        let mut options = self.options.clone();
+        let mut options = self.setup.options.clone();
         self.map.unscale_options(&mut options);
         let mut saved = SavedRun {
             residuals: self.map.num_residuals(),
             sites: self.map.num_sites(),
             options,
-            selection: self.selection.clone(),
+            selection: self.path.selection.clone(),
             here: self.here.clone(),
-            grazing: self.grazing.clone(),
-            coactive: self.coactive.clone(),
-            arclength: self.arclength,
-            step: self.h,
-            size: self.size,
-            residual_scale: self.residual_scale,
-            row_sizes: self.row_sizes.clone(),
-            curvature: self.curvature,
-            probe: self.regularity.probe.clone(),
-            points: self.points,
-            creeping: self.creeping,
-            queue: self.queue.iter().cloned().collect(),
-            termination: self.termination,
-            start: self.start.clone(),
-            elapsed: self.clock.map(|c| c.elapsed()),
-            factorisations: self.earlier.0,
-            corrections: self.earlier.1,
-            sides: self.watches.iter().map(|w| w.side).collect(),
+            grazing: self.path.grazing.clone(),
+            coactive: self.path.coactive.clone(),
+            arclength: self.path.arclength,
+            step: self.path.h,
+            size: self.setup.size,
+            residual_scale: self.path.residual_scale,
+            row_sizes: self.path.row_sizes.clone(),
+            curvature: self.path.curvature,
+            probe: self.path.regularity.probe.clone(),
+            points: self.told.points,
+            creeping: self.path.creeping,
+            queue: self.told.queue.iter().cloned().collect(),
+            termination: self.told.termination,
+            start: self.setup.start.clone(),
+            elapsed: self.setup.clock.map(|c| c.elapsed()),
+            factorisations: self.told.earlier.0,
+            corrections: self.told.earlier.1,
+            sides: self.monitors.watches.iter().map(|w| w.side).collect(),
             sizes: self.map.divisors().to_vec(),
             x: self.point().x,
             checksum: 0,
@@ -249,42 +235,45 @@ impl Curve<'_> {
     }
 
     fn restore(&mut self, saved: &SavedRun) -> Result<(), ContinuationError> {
-        self.selection = saved.selection.clone();
+        self.path.selection = saved.selection.clone();
         self.here = saved.here.clone();
         self.next = saved.here.clone();
-        self.grazing.clone_from(&saved.grazing);
-        self.coactive.clone_from(&saved.coactive);
-        self.arclength = saved.arclength;
-        self.h = saved.step;
-        self.size = saved.size;
-        self.residual_scale = saved.residual_scale;
-        self.row_sizes.clone_from(&saved.row_sizes);
-        self.curvature = saved.curvature;
+        self.path.grazing.clone_from(&saved.grazing);
+        self.path.coactive.clone_from(&saved.coactive);
+        self.path.arclength = saved.arclength;
+        self.path.h = saved.step;
+        self.setup.size = saved.size;
+        self.path.residual_scale = saved.residual_scale;
+        self.path.row_sizes.clone_from(&saved.row_sizes);
+        self.path.curvature = saved.curvature;
         if !saved.probe.is_empty() {
-            self.regularity.probe.clone_from(&saved.probe);
+            self.path.regularity.probe.clone_from(&saved.probe);
         }
-        self.points = saved.points;
-        self.creeping = saved.creeping;
-        self.queue = saved.queue.iter().cloned().collect();
-        self.termination = saved.termination;
-        self.start.clone_from(&saved.start);
-        self.earlier = (saved.factorisations, saved.corrections);
-        self.saved_sides.clone_from(&saved.sides);
-        if let (Some(clock), Some(elapsed)) = (&mut self.clock, saved.elapsed) {
+        self.told.points = saved.points;
+        self.path.creeping = saved.creeping;
+        self.told.queue = saved.queue.iter().cloned().collect();
+        self.told.termination = saved.termination;
+        self.setup.start.clone_from(&saved.start);
+        self.told.earlier = (saved.factorisations, saved.corrections);
+        self.monitors.saved.clone_from(&saved.sides);
+        if let (Some(clock), Some(elapsed)) = (&mut self.setup.clock, saved.elapsed) {
             *clock = Clock::resumed(elapsed);
         }
-        belongs(&&self.map, &self.selection, &self.here.x)?;
+        belongs(&&self.map, &self.path.selection, &self.here.x)?;
         self.corrector = auto_corrector(&&self.map)?;
         self.renew_factors()
     }
 
     /// Affine pieces are followed with the stored factors; curved ones are refactored in every step.
     fn renew_factors(&mut self) -> Result<(), ContinuationError> {
-        if !self.map.is_piecewise_affine() || self.termination.is_some() {
+        if !self.map.is_piecewise_affine() || self.told.termination.is_some() {
             return Ok(());
         }
         let State { x, t, .. } = &self.here;
-        if_solved(self.corrector.linearize(&self.map, &self.selection, x, Some(t)))?;
+        if_solved(
+            self.corrector
+                .linearize(&self.map, &self.path.selection, x, Some(t)),
+        )?;
         Ok(())
     }
 }

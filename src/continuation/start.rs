@@ -1,10 +1,8 @@
 //! The first point and the first direction of a curve, from the user's start.
 
-use std::collections::VecDeque;
-
-use super::engine::{Curve, Solver, State, term_size};
+use super::engine::{Buffers, Curve, Path, Setup, Solver, State, Told, term_size};
 use super::error::{if_converged, if_solved};
-use super::event::watch::Departure;
+use super::event::monitor::Monitors;
 use super::point::{Arms, PointDoubt};
 use super::step::judge::Regularity;
 use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
@@ -204,7 +202,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
     ) -> Result<Self, ContinuationError> {
         let mut curve = Curve::prepare(map, x, options, Box::new(solver()))?;
         let own = curve.erased_mut();
-        own.over = Some(Box::new(over));
+        own.setup.over = Some(Box::new(over));
         own.leave_towards(direction)?;
         Ok(Self::of(curve))
     }
@@ -324,9 +322,9 @@ impl<'a> Curve<'a> {
     fn passes_across(&mut self, v: &Vanishing) -> Result<bool, ContinuationError> {
         const NEAR: f64 = 10.0;
         let x = self.here.x.clone();
-        let reach = NEAR * self.options.vanishing_distance * (1.0 + norm(&x));
-        let active = ActiveSet::from_tests(&self.map, &self.layout, &self.here.theta, vec![v.index]);
-        for selection in active.selections().filter(|s| *s != self.selection) {
+        let reach = NEAR * self.setup.options.vanishing_distance * (1.0 + norm(&x));
+        let active = ActiveSet::from_tests(&self.map, &self.setup.layout, &self.here.theta, vec![v.index]);
+        for selection in active.selections().filter(|s| *s != self.path.selection) {
             let at = if_solved(self.corrector.linearize(&self.map, &selection, &x, None))?;
             let Some(tangent) = at.map(|at| at.tangent().to_vec()) else {
                 return Ok(true);
@@ -340,40 +338,6 @@ impl<'a> Curve<'a> {
             }
         }
         Ok(false)
-    }
-}
-
-/// Data of a curve at its start.
-struct Start {
-    layout: TestLayout,
-    state: State,
-    selection: Selection,
-}
-
-impl Start {
-    /// At z in scaled variables.
-    fn at(map: &dyn ScaledMap, x: Vec<f64>) -> Result<Self, ContinuationError> {
-        let layout = TestLayout::new(map);
-        let mut theta = vec![0.0; layout.total()];
-        map.test_functions(&x, &mut theta);
-        check_finite("the vector of test functions at the start", &theta)?;
-        let state = State {
-            t: vec![0.0; x.len()],
-            theta,
-            orientation: None,
-            det_sign: None,
-            heading: None,
-            decline: None,
-            probe: Vec::new(),
-            residual_norm: 0.0,
-            s: 0.0,
-            x,
-        };
-        Ok(Self {
-            selection: select(map, &state.x),
-            layout,
-            state,
-        })
     }
 }
 
@@ -432,45 +396,49 @@ pub(super) fn prepare_at<'a, 'b>(
     corrector: MoorePenrose<Solver<'a>>,
 ) -> Result<Curve<'a, Scaled<&'b dyn PiecewiseSmooth>>, ContinuationError> {
     (&map as &dyn ScaledMap).scale_options(&mut options);
-    let Start {
-        layout,
-        state,
-        selection,
-    } = Start::at(&map, x)?;
-    let n = map.num_residuals();
+    let layout = TestLayout::new(&map);
+    let mut theta = vec![0.0; layout.total()];
+    map.test_functions(&x, &mut theta);
+    check_finite("the vector of test functions at the start", &theta)?;
+    let (n, t) = (map.num_residuals(), vec![0.0; x.len()]);
+    let here = State {
+        x: x.clone(),
+        t,
+        theta,
+        ..State::default()
+    };
     Ok(Curve {
-        map,
-        h: options.step.min(options.max_step),
-        clock: options.max_time.map(|_| Clock::start()),
-        over: None,
-        options,
-        layout,
+        path: Path {
+            selection: select(&map, &x),
+            grazing: Vec::new(),
+            coactive: Vec::new(),
+            arclength: 0.0,
+            h: options.step.min(options.max_step),
+            curvature: 0.0,
+            creeping: 0,
+            residual_scale: 0.0,
+            row_sizes: Vec::new(),
+            regularity: Regularity::new(n),
+        },
+        setup: Setup {
+            layout,
+            every_arm: false,
+            size: 1.0 + norm(&x),
+            start: x.clone(),
+            clock: options.max_time.map(|_| Clock::start()),
+            over: None,
+            options,
+        },
+        here: here.clone(),
+        next: here,
         corrector,
-        selection,
-        size: 1.0 + norm(&state.x),
-        next: state.clone(),
-        start: state.x.clone(),
-        here: state,
-        grazing: Vec::new(),
-        coactive: Vec::new(),
-        arclength: 0.0,
-        residual_scale: 0.0,
-        row_sizes: Vec::new(),
-        next_sizes: Vec::new(),
-        curvature: 0.0,
-        regularity: Regularity::new(n),
-        points: 0,
-        creeping: 0,
-        queue: VecDeque::new(),
-        termination: None,
-        every_arm: false,
-        earlier: (0, 0),
-        rates: Vec::new(),
-        departure: Departure::default(),
-        gradient_norms: Vec::new(),
-        residual: vec![0.0; n],
-        watches: Vec::new(),
-        saved_sides: Vec::new(),
+        monitors: Monitors::default(),
+        told: Told::default(),
+        buffers: Buffers {
+            residual: vec![0.0; n],
+            ..Buffers::default()
+        },
+        map,
     })
 }
 
@@ -495,12 +463,10 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, Scaled<&'a P>> {
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
         let mut this = prepared_on(&map, x, options)?.with_map(map);
-        this.every_arm = true;
+        this.setup.every_arm = true;
         this.erased_mut().leave_along(arm)?;
         if singular && arm.probe.is_empty() {
-            this.here.orientation = None;
-            this.here.det_sign = None;
-            this.here.decline = None;
+            this.here.forget_signs();
         }
         Ok(this)
     }

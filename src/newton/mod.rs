@@ -12,6 +12,7 @@ mod moore_penrose;
 mod options;
 mod regularity;
 mod report;
+mod secants;
 mod solver;
 mod step;
 mod system;

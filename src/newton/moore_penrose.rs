@@ -4,7 +4,7 @@ mod linearisation;
 
 use self::condensed::CondensedSystem;
 pub use self::linearisation::Linearisation;
-use super::chords::Secants;
+use super::secants::Secants;
 use crate::InputError;
 use crate::input::check_length;
 use crate::linear::{Bordered, DENSE_LIMIT, LinearError, LinearSolver, RowUpdates};
@@ -145,12 +145,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
         selection: &Selection,
         vectors: &[(&'static str, &[f64])],
     ) -> Result<(), PiecewiseError> {
-        check_length("the residual of the map", map.num_residuals(), self.r.len())?;
-        check_length(
-            "the vector of variables of the map",
-            map.num_vars(),
-            self.dx.len(),
-        )?;
+        let (m, n) = (map.num_vars(), map.num_residuals());
+        check_length("the residual of the map", n, self.r.len())?;
+        check_length("the vector of variables of the map", m, self.dx.len())?;
         for (what, vector) in vectors {
             check_length(what, vector.len(), self.dx.len())?;
         }
@@ -205,7 +202,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     ) -> Result<(), PiecewiseError> {
         self.check(map, selection, &[("the point x", x)])?;
         if !map.is_piecewise_affine() {
-            return self.assemble_and_factor(map, selection, x, hint);
+            return self.factorise(map, selection, x, hint).map(drop);
         }
         if self.holds_everywhere(selection) {
             return Ok(());
@@ -216,7 +213,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         } else if self.factor_condensed(map, selection)? {
             self.held = Held::Updates;
         } else {
-            self.assemble(map, selection, x)?;
+            self.jacobian_at(map, selection, x)?;
             self.factor(hint)?;
             let n = self.jac.nrows();
             let keep_inverse = n <= DENSE_LIMIT || (self.jac.pattern().is_full() && n <= MAX_INVERSE);
@@ -239,20 +236,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &[f64],
         hint: Option<&[f64]>,
     ) -> Result<Linearisation<'_, L>, PiecewiseError> {
-        self.check(map, selection, &[("the point x", x)])?;
-        self.assemble_and_factor(map, selection, x, hint)?;
+        self.jacobian_at(map, selection, x)?;
+        self.selection.copy_from(selection);
+        self.factor_at(x, hint)?;
         Ok(Linearisation::of(self))
-    }
-
-    fn assemble_and_factor(
-        &mut self,
-        map: &dyn PiecewiseSmooth,
-        selection: &Selection,
-        x: &[f64],
-        hint: Option<&[f64]>,
-    ) -> Result<(), PiecewiseError> {
-        self.assemble(map, selection, x)?;
-        Ok(self.factor_at(selection, x, hint)?)
     }
 
     /// Whether the factors are those of an affine piece.
@@ -270,19 +257,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.bordered.factor(&self.jac, hint)
     }
 
-    /// Factors the assembled Jacobian, which is that of a selection at x.
-    pub(super) fn factor_at(
-        &mut self,
-        selection: &Selection,
-        x: &[f64],
-        hint: Option<&[f64]>,
-    ) -> Result<(), LinearError> {
-        self.selection.copy_from(selection);
-        self.factor_again(x, hint)
-    }
-
-    /// Factors the assembled Jacobian, which is that of the same selection at x.
-    pub(super) fn factor_again(&mut self, x: &[f64], hint: Option<&[f64]>) -> Result<(), LinearError> {
+    /// Factors the assembled Jacobian, which is that of the stored selection at x.
+    pub(super) fn factor_at(&mut self, x: &[f64], hint: Option<&[f64]>) -> Result<(), LinearError> {
         self.factor(hint)?;
         self.point.clear();
         self.point.extend_from_slice(x);
@@ -319,12 +295,12 @@ impl<L: LinearSolver> MoorePenrose<L> {
             return self.update_condensed(map, selection, (known, updated));
         }
         if !(self.held == Held::Updates && self.selection == known) {
-            self.assemble(map, &known, x)?;
+            self.jacobian_at(map, &known, x)?;
         }
         updated.note(&mut &self.jac, &self.changed_rows);
         // Only the rows that change are assembled.
         if !self.assemble_sites(map, &known, selection, x)? {
-            self.assemble(map, selection, x)?;
+            self.jacobian_at(map, selection, x)?;
         }
         let replaced = updated.replace(&mut &self.jac, &self.changed_rows, &mut self.bordered);
         if replaced == Ok(true) {
@@ -383,17 +359,6 @@ impl<L: LinearSolver> MoorePenrose<L> {
         selection: &Selection,
         x: &[f64],
     ) -> Result<&Matrix, PiecewiseError> {
-        self.assemble(map, selection, x)?;
-        Ok(&self.jac)
-    }
-
-    /// Assembles ∇H^(σ)(x) without factoring it.
-    fn assemble(
-        &mut self,
-        map: &dyn PiecewiseSmooth,
-        selection: &Selection,
-        x: &[f64],
-    ) -> Result<(), PiecewiseError> {
         self.held = match self.held {
             Held::Everywhere | Held::Updates => Held::Nothing,
             Held::Refined => Held::Nearby,
@@ -401,17 +366,14 @@ impl<L: LinearSolver> MoorePenrose<L> {
         };
         self.jac.clear();
         map.jacobian(selection, x, &mut self.jac);
-        self.check_stray()
+        self.check_stray()?;
+        Ok(&self.jac)
     }
 
-    /// [`assemble`](Self::assemble) for the selection of the factors.
-    pub(super) fn assemble_again(
-        &mut self,
-        map: &dyn PiecewiseSmooth,
-        x: &[f64],
-    ) -> Result<(), PiecewiseError> {
+    /// The same for the selection of the factors.
+    pub(super) fn assemble(&mut self, map: &dyn PiecewiseSmooth, x: &[f64]) -> Result<(), PiecewiseError> {
         let selection = std::mem::take(&mut self.selection);
-        let assembled = self.assemble(map, &selection, x);
+        let assembled = self.jacobian_at(map, &selection, x).map(drop);
         self.selection = selection;
         assembled
     }

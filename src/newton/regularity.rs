@@ -99,7 +99,7 @@ impl<L: LinearSolver> Linearisation<'_, L> {
         let own = off(held);
         for moved in moves {
             let y: Vec<f64> = x.iter().zip(moved).map(|(x, m)| x + m).collect();
-            held.assemble_again(&map, &y)?;
+            held.assemble(&map, &y)?;
             rounding += (off(held) - own).abs();
         }
         let entry = t[k] - own;
@@ -127,7 +127,7 @@ impl<L: LinearSolver> Linearisation<'_, L> {
         let mut rate = 0.0;
         for h in [distance, -distance] {
             let y: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + h * t).collect();
-            self.held.assemble_again(&map, &y)?;
+            self.held.assemble(&map, &y)?;
             self.held.jac.mul_vec(t, &mut self.held.r);
             rate -= dot(&weights, &self.held.r) / (2.0 * h);
         }
@@ -160,7 +160,7 @@ impl<L: LinearSolver> Linearisation<'_, L> {
         let mut solved = held.solve_here(t);
         if solved == Ok(false) {
             // A singular point may be this near in a direction that the corrections did not take: signs of determinants must be those here.
-            solved = held.factor_again(x, Some(t)).and_then(|()| held.solve_here(t));
+            solved = held.factor_at(x, Some(t)).and_then(|()| held.solve_here(t));
         }
         let solved = solved.and_then(|_| held.solve_transpose_here(t, v));
         if solved.is_err() {
@@ -175,7 +175,7 @@ impl<L: LinearSolver> Linearisation<'_, L> {
             held.jac.as_ref().mul_add(1.0, &held.dx, &mut held.r);
         }
         held.r.iter_mut().for_each(|r| *r = -*r);
-        held.assemble_again(&map, behind)?;
+        held.assemble(&map, behind)?;
         held.jac.as_ref().mul_add(1.0, &held.dx, &mut held.r);
         let rate = dot(v, &held.r) / (distance * dot(&held.dx, &held.dx));
         v.iter_mut().zip(&*sizes).for_each(|(v, size)| *v *= size);

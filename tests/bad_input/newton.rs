@@ -461,6 +461,30 @@ fn correctors() {
                 .map(drop)
         });
     }
+    let solve = |r: &[f64], t: &[f64], x: &mut [f64]| {
+        let mut corrector = moore();
+        corrector
+            .linearize(&vee(), &good, &[0.5; 2], None)
+            .unwrap()
+            .solve(r, t, x)
+    };
+    let name = "newton::Linearisation::solve";
+    for bad in [vec![], vec![1.0; 3]] {
+        t.refuses(name, "r of another length", "right-hand side", || {
+            solve(&bad, &[1.0, 0.0], &mut [0.0; 2])
+        });
+        t.refuses(name, "t of another length", "last row", || {
+            solve(&[1.0], &bad, &mut [0.0; 2])
+        });
+        t.refuses(name, "x of another length", "solution", || {
+            solve(&[1.0], &[1.0, 0.0], &mut bad.clone())
+        });
+    }
+    t.refuses(name, "no row t", "", || solve(&[1.0], &[0.0; 2], &mut [0.0; 2]));
+    for bad in BAD {
+        t.survives(name, "r", || solve(&[bad], &[1.0, 0.0], &mut [0.0; 2]));
+        t.refuses(name, "t", "", || solve(&[1.0], &[bad, 0.0], &mut [0.0; 2]));
+    }
     t.refuses("newton::MoorePenrose::linearize", "another map", "", || {
         let wide = MinMap::curve(3, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
             a.copy_from_slice(&x[..3]);

@@ -16,6 +16,7 @@ use std::cell::Cell;
 use std::ops::ControlFlow;
 
 use proptest::prelude::*;
+use semismooth::complementarity::{AffineFunction, Mcp};
 use semismooth::linear::AutoSolver;
 use semismooth::newton::{Damping, MoorePenrose, Newton, NewtonError, NewtonOptions, Step};
 use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection, Selections, Semismooth};
@@ -407,6 +408,85 @@ fn a_solver_goes_from_map_to_map_of_one_size() {
         newton.solve(&lcp, &mut x).unwrap();
         assert_eq!(x, [0.5]);
     }
+}
+
+/// What a linearisation tells belongs to the point that it names, which is not that of the last correction: after one correction from
+/// (1, 0.5) towards y² + α² = 4 the kernel is still that of (2, 1), across (1, 0.5). Solutions and signs are those of the same point.
+#[test]
+fn linearisations_belong_to_the_point_they_name() {
+    let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        (a[0], b[0]) = (x[0] * x[0] + x[1] * x[1] - 4.0, 1e9);
+    });
+    let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
+    let guess = [1.0, 0.5];
+    let normal = [0.8, 0.6];
+    for most in [0, 1, 4] {
+        let (mut x, mut t, mut selection) = (guess, normal, Selection::uniform(1, 0));
+        let free = (0.0, 0.0);
+        let found = corrector.correct(&map, &mut selection, |_, _| {}, &mut x, &mut t, free, most);
+        let (correction, mut at) = found.unwrap();
+        assert_eq!(correction.iterations, most);
+        assert_eq!(at.selection(), &selection);
+        let point: [f64; 2] = at.point().unwrap().try_into().unwrap();
+        assert_eq!(point == guess, most < 2);
+        assert_eq!(x == guess, most == 0);
+        // ∇H = 2 point, by differences of H: to 1e-7.
+        let across = |v: &[f64]| 2.0 * (point[0] * v[0] + point[1] * v[1]);
+        let tangent = at.tangent().to_vec();
+        assert!(across(&tangent).abs() < 1e-6, "{tangent:?}");
+        assert!((tangent[0].hypot(tangent[1]) - 1.0).abs() < 1e-15);
+        for v in [normal, [-1.0, 2.0], [0.3, -0.7]] {
+            let det = 2.0 * (point[0] * v[1] - point[1] * v[0]);
+            assert_eq!(at.orientation(&v), Some(det.signum() as i8));
+            let mut moved = [0.0; 2];
+            at.solve(&[3.0], &v, &mut moved).unwrap();
+            assert!((across(&moved) - 3.0).abs() < 1e-5 && (v[0] * moved[0] + v[1] * moved[1]).abs() < 1e-12);
+        }
+        assert_eq!(at.orientation(&[1.0]), None);
+        assert_eq!(at.det_sign(), Some(1));
+        let size = 2.0 * point[0].hypot(point[1]);
+        assert!((at.log_det().unwrap() - size.ln()).abs() < 1e-6);
+        assert!(at.rcond().is_some_and(|r| (r - 1.0).abs() < 1e-12));
+    }
+}
+
+/// Affine pieces have one linearisation at every point; one of another selection is made by replacing rows, and is as right.
+#[test]
+fn linearisations_of_affine_pieces_belong_to_every_point() {
+    let rows = [[2.0, 1.0, -1.0], [0.5, -3.0, 2.0]];
+    let f = AffineFunction::new(Matrix::from_rows(&rows).unwrap(), vec![1.0, -1.0]).unwrap();
+    let map = Mcp::new(f, vec![0.0; 2], vec![f64::INFINITY; 2]).unwrap();
+    let mut corrector = MoorePenrose::new(&map, AutoSolver::with_determinants()).unwrap();
+    for pieces in [[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]] {
+        let selection = Selection::from_pieces(pieces);
+        let mut jac = Matrix::zeros(map.pattern());
+        map.jacobian(&selection, &[0.0; 3], &mut jac);
+        let det = jac.get(0, 0) * jac.get(1, 1) - jac.get(0, 1) * jac.get(1, 0);
+        let replaced = corrector.updates();
+        let mut at = corrector
+            .linearize(&map, &selection, &[0.4, 0.3, 0.2], None)
+            .unwrap();
+        assert_eq!((at.selection(), at.point()), (&selection, None));
+        let (tangent, mut product) = (at.tangent().to_vec(), [0.0; 2]);
+        jac.mul_vec(&tangent, &mut product);
+        assert!(product.iter().all(|p| p.abs() < 1e-14), "{product:?}");
+        assert_eq!(at.det_sign(), Some(det.signum() as i8), "{pieces:?}");
+        let (last, sign) = (tangent[2], at.orientation(&tangent).unwrap());
+        assert_eq!(at.det_sign(), Some(sign * last.signum() as i8));
+        // By Cramer's rule: |det ∇_yH| = |α̇| |det [∇H; τᵀ]|.
+        assert!((at.log_det().unwrap() + last.abs().ln() - det.abs().ln()).abs() < 1e-12);
+        let mut moved = [0.0; 3];
+        at.solve(&[1.0, -2.0], &[0.0, 0.0, 1.0], &mut moved).unwrap();
+        jac.mul_vec(&moved, &mut product);
+        assert!((product[0] - 1.0).abs() + (product[1] + 2.0).abs() + moved[2].abs() < 1e-13);
+        let first = corrector
+            .linearize(&map, &selection, &[9.0; 3], None)
+            .unwrap()
+            .tangent()
+            == tangent;
+        assert!(first && corrector.updates() <= replaced + 1);
+    }
+    assert_eq!(corrector.factorisations(), 1);
 }
 
 /// The circle y² + α² = R² and the line α = 0.6 R meet at y = 0.8 R, whatever the unit of lengths: a last correction has the size of the

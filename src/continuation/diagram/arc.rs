@@ -65,12 +65,8 @@ impl Arc {
 /// The arm on which a curve that arrives at a point would leave it again.
 pub(super) fn reversed(point: &Point) -> Arm {
     let tangent = point.tangent.iter().map(|t| -t).collect();
-    Arm::along(
-        point.selection.clone(),
-        tangent,
-        point.grazing.clone(),
-        point.det_sign,
-    )
+    let grazing = point.grazing.clone();
+    Arm::along(point.selection.clone(), tangent, grazing, point.det_sign)
 }
 
 /// The kind of a vertex with these arms.

@@ -157,14 +157,14 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         let curve = curve.erased_mut();
         let x = curve.here.x.clone();
         let known = match curve.tangent_here()? {
-            Some(t) => self.diagram.vertex_at(self.map, (&x, &curve.selection), &t),
+            Some(t) => self.diagram.vertex_at(self.map, (&x, &curve.path.selection), &t),
             None => self.diagram.vertex_near(&x),
         };
         if let Some(v) = known {
             self.diagram.vertices[v].is_start = true;
             return Ok(());
         }
-        if self.diagram.split_at(self.map, (&x, &curve.selection))? {
+        if self.diagram.split_at(self.map, (&x, &curve.path.selection))? {
             return Ok(());
         }
         let (arms, certainty) = curve.arms_of_start()?;

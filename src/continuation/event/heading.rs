@@ -63,7 +63,7 @@ impl Curve<'_> {
             &self.next.x
         };
         let sizes: Vec<f64> = x.iter().zip(other).map(|(x, o)| x.abs().max(o.abs())).collect();
-        let at = (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t));
+        let at = (self.corrector).linearize_again(&self.map, &self.path.selection, x, Some(t));
         let Some(mut at) = if_solved(at)? else {
             return Ok(None);
         };

@@ -4,7 +4,7 @@ use crate::continuation::engine::{Curve, row_sizes};
 use crate::continuation::error::if_solved;
 use crate::continuation::point::units::Units;
 use crate::continuation::{Arm, ContinuationError};
-use crate::piecewise::{ActiveSet, Selection, Vanishing};
+use crate::piecewise::{Selection, Vanishing};
 use crate::sparse::{dot, norm};
 use crate::tolerances::SELECTIONS;
 
@@ -19,15 +19,15 @@ impl Curve<'_> {
         arm: &Arm,
         vanishing: &[Vanishing],
     ) -> Result<(), ContinuationError> {
-        self.selection.copy_from(&arm.selection);
+        self.path.selection.copy_from(&arm.selection);
         self.here.t.copy_from_slice(&arm.tangent);
-        self.grazing.clear();
+        self.path.grazing.clear();
         let mut units = Units::new(&self.map, &arm.selection, &self.here.x);
-        self.grazing.extend(
+        self.path.grazing.extend(
             vanishing
                 .iter()
                 .filter(|v| arm.grazing.contains(&v.site))
-                .map(|v| v.of_selection(&self.map, &self.layout, &arm.selection, &self.here.x))
+                .map(|v| v.of_selection(&self.map, &self.setup.layout, &arm.selection, &self.here.x))
                 .filter(|v| {
                     let rate = v.rate(&arm.tangent);
                     rate.abs() <= units.least_rate(v, rate, v.gradient_norm, &arm.tangent)
@@ -56,17 +56,16 @@ impl Curve<'_> {
         let ahead = bend.zip(&t).map(|(b, t)| NEAR * (along * t + NEAR * b));
         let near: Vec<f64> = self.here.x.iter().zip(ahead).map(|(x, a)| x + a).collect();
         let probe = near.as_slice();
-        for k in 0..self.coactive.len() {
-            let selection = self.coactive[k].0.clone();
-            self.coactive[k].1 = self.orientation_of(&selection, probe, &t)?;
+        for k in 0..self.path.coactive.len() {
+            let selection = self.path.coactive[k].0.clone();
+            self.path.coactive[k].1 = self.orientation_of(&selection, probe, &t)?;
         }
-        let selection = self.selection.clone();
+        let selection = self.path.selection.clone();
         if self.is_singular_here(&selection)? {
             self.here.decline = None;
         }
         let at = if_solved(self.corrector.linearize(&self.map, &selection, probe, Some(&t)))?;
-        self.here.orientation = at.as_ref().and_then(|at| at.orientation(&t));
-        self.here.det_sign = at.and_then(|at| at.det_sign());
+        self.here.take_signs(at.as_ref());
         Ok(())
     }
 
@@ -76,38 +75,39 @@ impl Curve<'_> {
         let (map, affine) = (&self.map, self.map.is_piecewise_affine());
         if !affine {
             // At a branch point ∇H may be zero: the terms of H a step ahead count, too.
-            let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
+            let ahead = self.here.ahead(self.path.h);
             for place in [&ahead, x] {
-                let jac = self.corrector.jacobian_at(&map, &self.selection, place)?;
-                let tolerance = self.options.residual_tolerance;
-                row_sizes(jac, x, (self.h, t), tolerance, &mut self.row_sizes);
+                let jac = self.corrector.jacobian_at(&map, &self.path.selection, place)?;
+                let tolerance = self.setup.options.residual_tolerance;
+                row_sizes(jac, x, (self.path.h, t), tolerance, &mut self.path.row_sizes);
             }
         }
-        if !affine || self.points == 0 {
+        if !affine || self.told.points == 0 {
             // Steps on affine pieces have computed it, and H is continuous.
-            map.residual(&self.selection, x, &mut self.residual);
-            self.here.residual_norm = norm(&self.residual);
+            map.residual(&self.path.selection, x, &mut self.buffers.residual);
+            self.here.residual_norm = norm(&self.buffers.residual);
         }
-        let at = if_solved((self.corrector).linearize_again(map, &self.selection, x, Some(t)))?;
-        self.here.orientation = at.as_ref().and_then(|at| at.orientation(t));
-        self.here.det_sign = at.as_ref().and_then(|at| at.det_sign());
+        let at = if_solved((self.corrector).linearize_again(map, &self.path.selection, x, Some(t)))?;
         self.here.decline = None;
-        if affine && self.residual_scale == 0.0 {
+        let signs = at.as_ref().map(|at| (at.orientation(t), at.det_sign()));
+        (self.here.orientation, self.here.det_sign) = signs.unwrap_or_default();
+        if affine && self.path.residual_scale == 0.0 {
             // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more than the step.
             let sizes: Vec<f64> = (x.iter().zip(t))
-                .map(|(x, t)| x.abs() + self.h * t.abs())
+                .map(|(x, t)| x.abs() + self.path.h * t.abs())
                 .collect();
             let mut sums = vec![0.0; map.num_residuals()];
             match at {
                 Some(mut at) => at.add_term_sizes(&map, &sizes, &mut sums),
                 None => {
-                    let jac = self.corrector.jacobian_at(&map, &self.selection, x)?;
+                    let jac = self.corrector.jacobian_at(&map, &self.path.selection, x)?;
                     jac.as_ref().add_term_sizes(&sizes, &mut sums);
                 }
             }
-            self.residual_scale = norm(&sums);
+            self.path.residual_scale = norm(&sums);
         } else if let Some(at) = at.filter(|_| !affine) {
-            let (decline, _) = (self.regularity).decline(at, map, &self.row_sizes, &self.here, self.h)?;
+            let (decline, _) =
+                (self.path.regularity).decline(at, map, &self.path.row_sizes, &self.here, self.path.h)?;
             self.here.decline = Some(decline);
         }
         Ok(())
@@ -134,10 +134,8 @@ impl Curve<'_> {
 
     /// Resets the orientation where a curve leaves a branch point along an arm on which no other point is known.
     pub(in crate::continuation) fn doubt_orientation(&mut self, arm: &Arm) -> Result<(), ContinuationError> {
-        if arm.probe.is_empty() && self.is_singular_here(&self.selection.clone())? {
-            self.here.orientation = None;
-            self.here.det_sign = None;
-            self.here.decline = None;
+        if arm.probe.is_empty() && self.is_singular_here(&self.path.selection.clone())? {
+            self.here.forget_signs();
         }
         Ok(())
     }
@@ -147,45 +145,36 @@ impl Curve<'_> {
         if self.map.is_piecewise_affine() {
             return Ok(());
         }
-        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+        let reach = self.setup.options.vanishing_distance * (1.0 + norm(&self.here.x));
         let is_near = |v: &Vanishing, theta: &[f64]| theta[v.index].abs() <= reach * v.gradient_norm;
-        if self.grazing.iter().all(|v| is_near(v, &self.here.theta)) {
+        if self.path.grazing.iter().all(|v| is_near(v, &self.here.theta)) {
             return Ok(());
         }
-        let mut grazing = std::mem::take(&mut self.grazing);
+        let mut grazing = std::mem::take(&mut self.path.grazing);
         let before = grazing.len();
-        grazing.retain(|v| {
-            let now = Vanishing::new(&self.map, &self.layout, &self.selection, v.index, &self.here.x);
-            is_near(v, &self.here.theta) || is_near(&now, &self.here.theta)
-        });
+        grazing
+            .retain(|v| is_near(v, &self.here.theta) || is_near(&self.test_here(v.index), &self.here.theta));
         let left = grazing.len() < before;
-        self.grazing = grazing;
+        self.path.grazing = grazing;
         if left { self.find_coactive() } else { Ok(()) }
     }
 
     /// On a grazing curve the other active selections have their own Jacobians, whose singular points are branch points.
     fn find_coactive(&mut self) -> Result<(), ContinuationError> {
-        self.coactive.clear();
-        if self.grazing.is_empty() {
+        self.path.coactive.clear();
+        if self.path.grazing.is_empty() {
             return Ok(());
         }
-        let indices = self.grazing.iter().map(|v| v.index).collect();
         // Test functions that vanish at the transition just passed have no sign.
-        let active = ActiveSet::beside(
-            &self.map,
-            &self.layout,
-            &self.here.theta,
-            indices,
-            &self.selection,
-        );
+        let active = self.active_beside(&self.path.grazing);
         for selection in active.selections().take(SELECTIONS as usize) {
-            if selection == self.selection {
+            if selection == self.path.selection {
                 continue;
             }
             let (x, t) = (self.here.x.clone(), self.here.t.clone());
             let sign = self.orientation_of(&selection, &x, &t)?;
             let known = sign.is_some() && !self.is_singular_here(&selection)?;
-            self.coactive.push((selection, sign.filter(|_| known)));
+            self.path.coactive.push((selection, sign.filter(|_| known)));
         }
         Ok(())
     }

@@ -55,8 +55,8 @@ impl Curve<'_> {
         state: &State,
     ) -> Result<Option<(f64, f64)>, ContinuationError> {
         let selection = match coactive {
-            Some(k) => self.coactive[k].0.clone(),
-            None => self.selection.clone(),
+            Some(k) => self.path.coactive[k].0.clone(),
+            None => self.path.selection.clone(),
         };
         let at = (self.corrector).linearize(&self.map, &selection, &state.x, Some(&state.t));
         let Some(at) = if_solved(at)? else {
@@ -107,8 +107,11 @@ impl Curve<'_> {
         monitor: Monitor,
     ) -> Result<Option<f64>, ContinuationError> {
         // Zeros of these frequent monitors are found without tangents in between.
-        let mut chords = match monitor {
-            Monitor::Facet { index, .. } => Some(Chords::new(index)),
+        let mut misses = match monitor {
+            Monitor::Facet { index, .. } => Some(Misses {
+                index,
+                ..Misses::default()
+            }),
             _ => None,
         };
         let origin = self.origin(monitor)?;
@@ -123,7 +126,7 @@ impl Curve<'_> {
             let mut inside = false;
             // The rate at which a facet is left is known, and so is the place.
             for _ in 0..if facet { 1 } else { INSIDE } {
-                if !self.find_state(s, &high, &mut state, Find::by(&mut chords))? {
+                if !self.find_state(s, &high, &mut state, Find::by(&mut misses))? {
                     return Ok(None);
                 }
                 let g = self.monitor_value(monitor, &state, &origin)?;
@@ -143,8 +146,8 @@ impl Curve<'_> {
         let drop = if gb.is_finite() { (ga - gb).abs() } else { ga };
         let slope = drop / (b - a).max(f64::MIN_POSITIVE);
         let mut best: Option<(f64, State)> = None;
-        if let Some(chords) = &mut chords {
-            chords.rounding = None;
+        if let Some(misses) = &mut misses {
+            misses.rounding = None;
         }
         for _ in 0..HALVINGS {
             let mut s = if gb < ga {
@@ -155,7 +158,7 @@ impl Curve<'_> {
             if !(s > a && s < b) {
                 s = if ga == 0.0 && a == 0.0 { 0.0 } else { 0.5 * (a + b) };
             }
-            if !self.find_state(s, &high, &mut state, Find::by(&mut chords))? {
+            if !self.find_state(s, &high, &mut state, Find::by(&mut misses))? {
                 return Ok(None);
             }
             let g = self.monitor_value(monitor, &state, &origin)?;
@@ -165,7 +168,7 @@ impl Curve<'_> {
             if best.as_ref().is_none_or(|b| g.abs() < b.0) {
                 best = Some((g.abs(), state.clone()));
             }
-            let noise = chords.as_ref().and_then(|c| c.rounding).unwrap_or(0.0);
+            let noise = misses.as_ref().and_then(|c| c.rounding).unwrap_or(0.0);
             if g.abs() <= (HIDDEN * noise).max(width * slope) || (b - a) <= width {
                 break;
             }
@@ -175,7 +178,7 @@ impl Curve<'_> {
             } else {
                 ga *= side_factor(g, gb);
                 (b, gb) = (s, g);
-                if chords.is_none() {
+                if misses.is_none() {
                     high = state.clone();
                 }
             }
@@ -260,11 +263,11 @@ impl Curve<'_> {
         self.interpolate(s, high, state);
         let guess = state.x.clone();
         let (anchor, normal) = (&self.here.x, &self.here.t);
-        let (map, selection) = (&self.map, &self.selection);
+        let (map, selection) = (&self.map, &self.path.selection);
         let State { x, t, .. } = state;
         let corrected = match &mut find {
-            Find::Chords(chords) => {
-                chords.misses.add(s, high.s, x);
+            Find::Chords(misses) => {
+                misses.add(s, high.s, x);
                 (self.corrector).correct_by_chords(map, selection, (anchor, normal, s), x)
             }
             _ => (self.corrector).correct_in_plane(map, selection, (anchor, normal, s), x, t),
@@ -277,22 +280,22 @@ impl Curve<'_> {
         }
         state.residual_norm = correction.residual_norm;
         state.s = s;
-        map.tests_of_selection(selection, &state.x, None, &mut state.theta);
-        refine_tests(&mut at, (map, selection), normal, &mut self.rates, state);
+        state.find_tests(map, selection);
+        refine_tests(&mut at, (map, selection), normal, &mut self.buffers.rates, state);
         if !matches!(find, Find::Chords(_)) {
             state.orientation = at.orientation(&state.t);
         }
         match find {
             Find::Tangent => {}
             Find::Decline(h) => {
-                let (decline, _) = (self.regularity).decline(at, map, &self.row_sizes, state, h)?;
+                let (decline, _) = (self.path.regularity).decline(at, map, &self.path.row_sizes, state, h)?;
                 state.decline = Some(decline);
             }
-            Find::Chords(chords) => {
-                chords.misses.note(s, &guess, &state.x);
-                if chords.rounding.is_none() {
-                    let v = Vanishing::new(map, &self.layout, selection, chords.index, &state.x);
-                    chords.rounding = at.rounding_of(&v.gradient, &state.x, normal).or(Some(0.0));
+            Find::Chords(misses) => {
+                misses.note(s, &guess, &state.x);
+                if misses.rounding.is_none() {
+                    let v = Vanishing::new(map, &self.setup.layout, selection, misses.index, &state.x);
+                    misses.rounding = at.rounding_of(&v.gradient, &state.x, normal).or(Some(0.0));
                 }
             }
         }
@@ -305,45 +308,45 @@ impl Curve<'_> {
         state: &mut State,
     ) -> Result<(), ContinuationError> {
         let (map, arrival) = (&self.map, &self.here.t);
-        let at = (self.corrector).linearize(map, &self.selection, &state.x, Some(&state.t));
+        let at = (self.corrector).linearize(map, &self.path.selection, &state.x, Some(&state.t));
         let at = if_solved(at)?;
         let singular = at.is_none();
         // Next to a branch point the kernel is noise: the tangent at the start of the step is kept.
-        match at.filter(|at| dot(at.tangent(), arrival).abs() >= self.options.min_cos) {
+        match at.filter(|at| dot(at.tangent(), arrival).abs() >= self.setup.options.min_cos) {
             Some(at) => {
                 let sign = sign_of(dot(at.tangent(), &state.t));
                 for (t, v) in state.t.iter_mut().zip(at.tangent()) {
                     *t = sign * v;
                 }
-                state.orientation = at.orientation(&state.t);
-                state.det_sign = at.det_sign();
-                let (decline, _) = (self.regularity).decline(at, map, &self.row_sizes, state, state.s)?;
+                state.take_signs(Some(&at));
+                let (decline, _) =
+                    (self.path.regularity).decline(at, map, &self.path.row_sizes, state, state.s)?;
                 state.decline = Some(decline);
             }
             None => {
                 // Where there is no kernel that of the state may be noise.
-                if !singular || dot(&state.t, arrival) < self.options.min_cos {
+                if !singular || dot(&state.t, arrival) < self.setup.options.min_cos {
                     state.t.copy_from_slice(arrival);
                 }
-                (state.orientation, state.det_sign, state.decline) = (None, None, None);
+                state.forget_signs();
             }
         }
         let mut r = vec![0.0; map.num_residuals()];
-        map.residual(&self.selection, &state.x, &mut r);
+        map.residual(&self.path.selection, &state.x, &mut r);
         state.residual_norm = norm(&r);
         Ok(())
     }
 
     /// Orientations of the co-active selections at `here`.
     pub(in crate::continuation) fn refresh_coactive(&mut self) -> Result<(), ContinuationError> {
-        if self.coactive.is_empty() || self.termination == Some(Termination::Interrupted) {
+        if self.path.coactive.is_empty() || self.told.termination == Some(Termination::Interrupted) {
             return Ok(());
         }
         let (x, t) = (self.here.x.clone(), self.here.t.clone());
-        for k in 0..self.coactive.len() {
-            let selection = self.coactive[k].0.clone();
+        for k in 0..self.path.coactive.len() {
+            let selection = self.path.coactive[k].0.clone();
             if let Some(sign) = self.orientation_of(&selection, &x, &t)? {
-                self.coactive[k].1 = Some(sign);
+                self.path.coactive[k].1 = Some(sign);
             }
         }
         Ok(())
@@ -378,37 +381,23 @@ pub(super) enum Find<'f> {
     /// These, and the decline of regularity for steps of a length.
     Decline(f64),
     /// Nothing: it is found by chord steps, and the tangent of the guess is kept.
-    Chords(&'f mut Chords),
+    Chords(&'f mut Misses),
 }
 
 impl<'f> Find<'f> {
-    fn by(chords: &'f mut Option<Chords>) -> Self {
-        chords.as_mut().map_or(Self::Tangent, Self::Chords)
-    }
-}
-
-/// The search for the zero of a test function by chord steps.
-pub(super) struct Chords {
-    index: usize,
-    misses: Misses,
-    /// Effect of rounding errors of H on its value, as a mean over their signs: its zero is not determined more accurately.
-    rounding: Option<f64>,
-}
-
-impl Chords {
-    fn new(index: usize) -> Self {
-        Self {
-            index,
-            misses: Misses::default(),
-            rounding: None,
-        }
+    fn by(misses: &'f mut Option<Misses>) -> Self {
+        misses.as_mut().map_or(Self::Tangent, Self::Chords)
     }
 }
 
 /// The error of the cubic interpolation at the last two points found on the curve. At the next point it is predicted by the polynomial
 /// through both errors that vanishes at the ends, so that points close together cost only a few corrections.
 #[derive(Default)]
-struct Misses {
+pub(super) struct Misses {
+    index: usize,
+    /// Effect of rounding errors of H on the test function with this index, as a mean over their signs: its zero is not determined more
+    /// accurately.
+    rounding: Option<f64>,
     last: Option<(f64, Vec<f64>)>,
     before: Option<(f64, Vec<f64>)>,
 }
@@ -504,9 +493,15 @@ mod tests {
             state.x[0] += off;
             curve.map.test_functions(&state.x, &mut state.theta);
             assert!((state.theta[0] - 0.5).abs() >= 0.9e6 * off.abs());
-            let at = (curve.corrector).linearize(&curve.map, &curve.selection, &state.x, None);
-            let of: (&dyn ScaledMap, _) = (&curve.map, &curve.selection);
-            refine_tests(&mut at.unwrap(), of, &curve.here.t, &mut curve.rates, &mut state);
+            let at = (curve.corrector).linearize(&curve.map, &curve.path.selection, &state.x, None);
+            let of: (&dyn ScaledMap, _) = (&curve.map, &curve.path.selection);
+            refine_tests(
+                &mut at.unwrap(),
+                of,
+                &curve.here.t,
+                &mut curve.buffers.rates,
+                &mut state,
+            );
             // The nearest point of the curve has α = (y + α)/2.
             assert!(
                 (state.theta[0] - 0.5 - 0.5 * off).abs() < 1e-9 * (1e6 * off.abs()) + 1e-15,

@@ -4,7 +4,7 @@ pub(super) mod branch_point;
 mod heading;
 mod leave;
 pub(super) mod locate;
-mod monitor;
+pub(super) mod monitor;
 pub(super) mod singular;
 pub(super) mod turn;
 mod unseen;

@@ -3,7 +3,7 @@
 use super::locate::side_factor;
 use super::unseen::{DIFFERENCE, dip};
 use super::watch::{Monitor, ROUNDING};
-use crate::continuation::engine::{Curve, Function, State, Watch};
+use crate::continuation::engine::{Curve, State};
 use crate::continuation::{Continuation, ContinuationError, Event, MonitorCrossing, PointKind, Termination};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::norm;
@@ -57,6 +57,35 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L> Continuation<'a, P, L> {
     }
 }
 
+/// A function of x = (y, α) that threads may share.
+pub(in crate::continuation) type Function<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
+
+/// The functions that are watched.
+#[derive(Default)]
+pub(in crate::continuation) struct Monitors<'a> {
+    pub(in crate::continuation) watches: Vec<Watch<'a>>,
+    /// Their signs where a saved run ended.
+    pub(in crate::continuation) saved: Vec<f64>,
+}
+
+/// A function of x, and the side of its zero set on which the curve runs.
+pub(in crate::continuation) struct Watch<'a> {
+    pub(in crate::continuation) name: String,
+    pub(in crate::continuation) function: Function<'a>,
+    pub(in crate::continuation) stops: bool,
+    /// Sign of the function before its next zero; 0 as long as it has vanished exactly. Kept apart from values, which are rounding
+    /// errors at a zero that has just been passed.
+    pub(in crate::continuation) side: f64,
+    /// Whether the sign changes within the step at hand without a zero: at a pole or a jump.
+    pub(in crate::continuation) jumped: bool,
+}
+
+impl Watch<'_> {
+    pub(in crate::continuation) fn value(&self, x: &[f64]) -> f64 {
+        (self.function)(x)
+    }
+}
+
 /// What happens to a function at a point of the curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Zero {
@@ -75,11 +104,11 @@ pub(super) const INSIDE: i32 = 20;
 impl<'a> Curve<'a> {
     fn watch(&mut self, name: String, function: Function<'a>, stops: bool) {
         // A resumed run has stored the sign: next to a zero just passed the value is rounding noise.
-        let side = match self.saved_sides.get(self.watches.len()) {
+        let side = match self.monitors.saved.get(self.monitors.watches.len()) {
             Some(side) => *side,
             None => sign(self.map.value_at(&self.here.x, &function)),
         };
-        self.watches.push(Watch {
+        self.monitors.watches.push(Watch {
             name,
             function,
             stops,
@@ -90,7 +119,7 @@ impl<'a> Curve<'a> {
 
     /// The value of monitor k at x, with the sign that is positive before its next zero; 0 as long as it has vanished.
     pub(super) fn side_of(&self, k: usize, x: &[f64]) -> f64 {
-        self.watches[k].side * self.map.value_at(x, &|x| self.watches[k].value(x))
+        self.monitors.watches[k].side * self.map.value_at(x, &|x| self.monitors.watches[k].value(x))
     }
 
     /// The same at the distance s from x along t.
@@ -107,7 +136,7 @@ impl<'a> Curve<'a> {
     /// Whether monitor k has a zero at x, where the curve arrives and leaves with the given tangents after a step of the given length.
     fn zero_at(&self, k: usize, x: &[f64], [arrival, departure]: [&[f64]; 2], step: f64) -> Option<Zero> {
         // At events that follow at once the step has no length.
-        let step = step.max(self.h);
+        let step = step.max(self.path.h);
         let near = self.width(x, step);
         let around = [
             self.side_of(k, x),
@@ -144,15 +173,15 @@ impl<'a> Curve<'a> {
         &mut self,
         mut event: Option<Monitor>,
     ) -> Result<Option<Monitor>, ContinuationError> {
-        self.watches.iter_mut().for_each(|w| w.jumped = false);
+        self.monitors.watches.iter_mut().for_each(|w| w.jumped = false);
         // Zeros at the place of the event belong to it.
-        let mut met = vec![false; self.watches.len()];
+        let mut met = vec![false; self.monitors.watches.len()];
         while let Some((k, end)) = self.changed_first(&met) {
             let high = self.next.clone();
             met[k] = true;
             if !self.locate_zero(k, end)? {
                 self.next = high;
-                self.watches[k].jumped = true;
+                self.monitors.watches[k].jumped = true;
                 continue;
             }
             let State { x, t, s, .. } = &self.next;
@@ -165,7 +194,7 @@ impl<'a> Curve<'a> {
                 continue;
             }
             self.next = high;
-            self.watches[k].jumped = !together;
+            self.monitors.watches[k].jumped = !together;
         }
         Ok(event)
     }
@@ -174,7 +203,7 @@ impl<'a> Curve<'a> {
     /// it does.
     fn changed_first(&self, met: &[bool]) -> Option<(usize, f64)> {
         let mut first: Option<(f64, usize, f64)> = None;
-        for k in (0..met.len()).filter(|k| !met[*k] && self.watches[*k].side != 0.0) {
+        for k in (0..met.len()).filter(|k| !met[*k] && self.monitors.watches[*k].side != 0.0) {
             let (before, after) = (
                 self.side_of(k, &self.here.x).max(0.0),
                 self.side_of(k, &self.next.x),
@@ -246,12 +275,12 @@ impl<'a> Curve<'a> {
         (arrival, step): (&[f64], f64),
         corrections: usize,
     ) {
-        for k in 0..self.watches.len() {
+        for k in 0..self.monitors.watches.len() {
             let State { x, t, .. } = &self.here;
             let found = self.zero_at(k, x, [arrival, t], step);
             let zero = found.or_else(|| (located == Some(k)).then_some(Zero::Crossed));
             let point = self.point_here(PointKind::Step, corrections);
-            let watch = &mut self.watches[k];
+            let watch = &mut self.monitors.watches[k];
             let Some(zero) = zero.filter(|_| watch.side != 0.0) else {
                 continue;
             };
@@ -265,7 +294,7 @@ impl<'a> Curve<'a> {
                 point,
             };
             if watch.stops {
-                self.termination.get_or_insert(Termination::Monitor);
+                self.told.termination.get_or_insert(Termination::Monitor);
             }
             self.emit(Event::Monitor(crossing));
         }
@@ -273,7 +302,7 @@ impl<'a> Curve<'a> {
 
     /// Stores the signs of functions that vanished so far, or jumped within the step.
     pub(in crate::continuation) fn refresh_sides(&mut self) {
-        for watch in &mut self.watches {
+        for watch in &mut self.monitors.watches {
             if watch.side == 0.0 || watch.jumped {
                 let now = sign(self.map.value_at(&self.here.x, &watch.function));
                 watch.side = if now == 0.0 { watch.side } else { now };

@@ -23,7 +23,7 @@ const NEARLY: f64 = 1e-5;
 impl Curve<'_> {
     /// The solution next to `guess` of the extended system of a branch point of the followed selection, where that is regular.
     fn singular_near(&self, guess: &[f64]) -> Result<Option<Singular>, ContinuationError> {
-        Ok(BranchSystem::new(&self.map, &self.selection, &self.here.x, guess).solve(guess)?)
+        Ok(BranchSystem::new(&self.map, &self.path.selection, &self.here.x, guess).solve(guess)?)
     }
 
     /// Whether ∇H^(σ) of a selection is singular at a point within rounding of `here`, as far as rounding moves points located by
@@ -42,11 +42,11 @@ impl Curve<'_> {
         let Some(Singular { x, .. }) = found.filter(|s| s.on_curve && distance(&s.x, &guess) <= reach) else {
             return Ok(false);
         };
-        let mut theta = vec![0.0; self.layout.total()];
+        let mut theta = vec![0.0; self.setup.layout.total()];
         self.map.tests_of_selection(selection, &x, None, &mut theta);
         if let Some(index) = index {
-            let v = Vanishing::new(&self.map, &self.layout, selection, index, &x);
-            let reach = self.options.vanishing_distance * (1.0 + norm(&x));
+            let v = Vanishing::new(&self.map, &self.setup.layout, selection, index, &x);
+            let reach = self.setup.options.vanishing_distance * (1.0 + norm(&x));
             if theta[index].abs() > reach * v.gradient_norm {
                 return Ok(false);
             }
@@ -141,7 +141,7 @@ impl Curve<'_> {
             let left = (1.0 - share) * target.s;
             let near = distance(&state.x, &found.x) <= RATIO * left + rounding;
             let turned = state.orientation != self.here.orientation;
-            if !near || turned || dot(&state.t, &before.1) < self.options.min_cos {
+            if !near || turned || dot(&state.t, &before.1) < self.setup.options.min_cos {
                 return Ok(Err(Unresolved::Crossing));
             }
             if share == HALF && state.decline.is_some_and(|d| !(0.0..=2.0).contains(&(d * left))) {
@@ -163,9 +163,8 @@ impl Curve<'_> {
     /// Makes `target`, a singular point, the end of the step.
     fn settle_at(&mut self, mut target: State) {
         let mut r = vec![0.0; self.map.num_residuals()];
-        self.map.residual(&self.selection, &target.x, &mut r);
-        self.map
-            .tests_of_selection(&self.selection, &target.x, None, &mut target.theta);
+        self.map.residual(&self.path.selection, &target.x, &mut r);
+        target.find_tests(&self.map, &self.path.selection);
         target.orientation = None;
         target.det_sign = Some(0);
         target.decline = None;
@@ -179,19 +178,13 @@ impl Curve<'_> {
         &mut self,
         h: f64,
     ) -> Result<Option<Monitor>, ContinuationError> {
-        let mut rates = vec![0.0; self.layout.total()];
-        self.map
-            .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut rates);
+        let rates = self.rates_at(&self.here);
         let mut nearest: Option<(f64, Monitor)> = None;
-        for site in 0..self.layout.num_sites() {
-            let first = self.layout.range(site).start;
-            for &facet in self.map.cell(site, self.selection.piece(site)) {
-                let index = first + facet.test();
-                let s = -self.here.theta[index] / rates[index];
-                let ahead = facet.sign() * rates[index] < 0.0 && s >= 0.0;
-                if ahead && nearest.is_none_or(|n| s < n.0) {
-                    nearest = Some((s, Monitor::Facet { index, facet }));
-                }
+        for (index, facet) in self.facets() {
+            let s = -self.here.theta[index] / rates[index];
+            let ahead = facet.sign() * rates[index] < 0.0 && s >= 0.0;
+            if ahead && nearest.is_none_or(|n| s < n.0) {
+                nearest = Some((s, Monitor::Facet { index, facet }));
             }
         }
         // Steps shortened towards the point are much shorter than the distance that remains.
@@ -199,20 +192,15 @@ impl Curve<'_> {
         let Some((s, monitor)) = nearest.filter(|n| n.0 <= far) else {
             return Ok(None);
         };
-        let guess: Vec<f64> = self
-            .here
-            .x
-            .iter()
-            .zip(&self.here.t)
-            .map(|(x, t)| x + s * t)
-            .collect();
-        let reach = 0.1 * s + 10.0 * self.options.vanishing_distance * (1.0 + norm(&guess));
+        let guess = self.here.ahead(s);
+        let reach = 0.1 * s + 10.0 * self.setup.options.vanishing_distance * (1.0 + norm(&guess));
         let Some(x) = self.branch_point_near(&guess, reach)? else {
             return Ok(None);
         };
-        let mut theta = vec![0.0; self.layout.total()];
-        self.map.tests_of_selection(&self.selection, &x, None, &mut theta);
-        let tiny = self.options.vanishing_distance * (1.0 + norm(&x));
+        let mut theta = vec![0.0; self.setup.layout.total()];
+        self.map
+            .tests_of_selection(&self.path.selection, &x, None, &mut theta);
+        let tiny = self.setup.options.vanishing_distance * (1.0 + norm(&x));
         let Monitor::Facet { index, .. } = monitor else {
             return Ok(None);
         };

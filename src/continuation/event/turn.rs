@@ -17,16 +17,9 @@ const STRAIGHT: f64 = 1e-5;
 impl Curve<'_> {
     /// Handles the transition at `here`, where test function `index` vanishes.
     pub(in crate::continuation) fn pass_transition(&mut self, index: usize) -> Result<(), ContinuationError> {
-        self.moves_to_singular_point(&self.selection.clone(), Some(index))?;
+        self.moves_to_singular_point(&self.path.selection.clone(), Some(index))?;
         let vanishing = self.met_together(index)?;
-        let indices = vanishing.iter().map(|v| v.index).collect();
-        let active = ActiveSet::beside(
-            &self.map,
-            &self.layout,
-            &self.here.theta,
-            indices,
-            &self.selection,
-        );
+        let active = self.active_beside(&vanishing);
         let simple =
             vanishing.len() == 1 && matches!(active.degenerate_sites(), [(_, pieces)] if pieces.len() == 2);
         let mut jump = None;
@@ -36,22 +29,19 @@ impl Curve<'_> {
         let (arms, arrival) = match first.flatten() {
             Some((arm, arrival)) => {
                 let arrival = self.arm_behind(arrival);
-                let list = vec![arm];
-                let complete = true;
-                (
-                    Arms {
-                        list,
-                        complete,
-                        ..Arms::default()
-                    },
-                    arrival,
-                )
+                let mut arms = Arms::default();
+                (arms.list, arms.complete) = (vec![arm], true);
+                (arms, arrival)
             }
             None => {
                 // Without an orientation the selection is singular here.
-                let singular = self.here.orientation.is_none().then(|| self.selection.clone());
-                let all = self.every_arm || singular.is_some();
-                let (arrival, before) = (self.here.t.clone(), self.selection.clone());
+                let singular = self
+                    .here
+                    .orientation
+                    .is_none()
+                    .then(|| self.path.selection.clone());
+                let all = self.setup.every_arm || singular.is_some();
+                let (arrival, before) = (self.here.t.clone(), self.path.selection.clone());
                 let mut search = self.search(&vanishing);
                 search.singular = singular;
                 let mut arms = if all {
@@ -65,7 +55,9 @@ impl Curve<'_> {
                 match (jump, arms.list.as_slice()) {
                     (Some(error), _) if again => return Err(error),
                     // The curve does cross the facet, and there the map is not continuous.
-                    (Some(error), [arm]) if arm.grazing.is_empty() && arm.selection != self.selection => {
+                    (Some(error), [arm])
+                        if arm.grazing.is_empty() && arm.selection != self.path.selection =>
+                    {
                         return Err(error);
                     }
                     // What cannot be decided to higher order may still be followed to first order.
@@ -86,12 +78,12 @@ impl Curve<'_> {
         let stop = match (followed, arms.list.len()) {
             (Some(_), _) => None,
             (None, 0) if arms.complete => Some(Termination::End),
-            (None, 0) => self.is_over().or(Some(Termination::Undecided)),
+            (None, 0) => self.setup.is_over().or(Some(Termination::Undecided)),
             (None, _) => Some(Termination::Branching),
         };
         let Some(k) = followed else {
             self.emit(Event::Transition(record));
-            self.termination = stop;
+            self.told.termination = stop;
             return Ok(());
         };
         let mut left = self.adopt(&arms.list[k], &vanishing);
@@ -109,14 +101,14 @@ impl Curve<'_> {
     fn arm_behind(&self, direction: i8) -> Arm {
         let back = self.here.t.iter().map(|t| -t).collect();
         let grazing = self.point_here(PointKind::Step, 0).grazing;
-        let mut arm = Arm::along(self.selection.clone(), back, grazing, self.here.det_sign);
+        let mut arm = Arm::along(self.path.selection.clone(), back, grazing, self.here.det_sign);
         arm.direction = -direction;
         arm
     }
 
     /// Sign of α̇ on arrival, by the first order.
     fn direction_here(&self) -> i8 {
-        Units::new(&self.map, &self.selection, &self.here.x).direction(&self.here.t)
+        Units::new(&self.map, &self.path.selection, &self.here.x).direction(&self.here.t)
     }
 
     /// The arm where a single facet between two pieces is crossed, and the sign of α̇ on arrival, where the first order decides both: the
@@ -158,9 +150,9 @@ impl Curve<'_> {
 
     /// The selection on the other side of the only facet that meets here.
     fn selection_beyond(&self, active: &ActiveSet) -> Selection {
-        let mut beyond = self.selection.clone();
+        let mut beyond = self.path.selection.clone();
         for (site, pieces) in active.degenerate_sites() {
-            if let Some(&other) = pieces.iter().find(|&&p| p != self.selection.piece(*site)) {
+            if let Some(&other) = pieces.iter().find(|&&p| p != self.path.selection.piece(*site)) {
                 beyond.set(*site, other);
             }
         }
@@ -181,7 +173,7 @@ impl Curve<'_> {
     /// corrected points of the arms where these are needed to tell them apart.
     fn take_incoming(&mut self, arms: &mut Arms) -> Result<Option<Arm>, ContinuationError> {
         let own = |a: &Arm| {
-            let mut apart = a.selection.differing_sites(&self.selection);
+            let mut apart = a.selection.differing_sites(&self.path.selection);
             apart.all(|site| a.grazing.contains(&site))
         };
         let candidates: Vec<usize> = (0..arms.list.len()).filter(|&k| own(&arms.list[k])).collect();
@@ -219,22 +211,11 @@ impl Curve<'_> {
         if s <= 0.0 {
             return Ok(None);
         }
-        let mut y: Vec<f64> = self
-            .here
-            .x
-            .iter()
-            .zip(&self.here.t)
-            .map(|(x, t)| x - radius * t)
-            .collect();
+        let mut y = self.here.ahead(-radius);
         let guess = y.clone();
         let mut t = self.here.t.clone();
-        let corrected = (self.corrector).correct_in_plane(
-            &self.map,
-            &self.selection,
-            (&anchor, &normal, s),
-            &mut y,
-            &mut t,
-        );
+        let (map, plane) = (&self.map, (&anchor[..], &normal[..], s));
+        let corrected = (self.corrector).correct_in_plane(map, &self.path.selection, plane, &mut y, &mut t);
         let met = if_converged(corrected)?.is_some();
         Ok((met && distance(&y, &guess) <= 0.5 * radius).then_some(y))
     }
@@ -258,17 +239,17 @@ impl Curve<'_> {
         followed: Option<usize>,
     ) -> Transition {
         let arm = followed.map(|k| &arms.list[k]);
-        let after = arm.map_or(&self.selection, |a| &a.selection);
+        let after = arm.map_or(&self.path.selection, |a| &a.selection);
         let tangent_after = arm.map_or(&self.here.t, |a| &a.tangent);
         let mut sites: Vec<usize> = vanishing.iter().map(|v| v.site).collect();
-        sites.extend(self.selection.differing_sites(after));
+        sites.extend(self.path.selection.differing_sites(after));
         sites.sort_unstable();
         sites.dedup();
         let mut changes: Vec<SiteChange> = sites
             .into_iter()
             .map(|site| SiteChange {
                 site,
-                from: self.selection.piece(site),
+                from: self.path.selection.piece(site),
                 to: after.piece(site),
             })
             .collect();
@@ -277,7 +258,7 @@ impl Curve<'_> {
             x: self.here.x.clone(),
             tangent_before: self.here.t.clone(),
             tangent_after: tangent_after.clone(),
-            before: self.selection.clone(),
+            before: self.path.selection.clone(),
             after: after.clone(),
             sites: changes,
             test_functions: self.here.theta.clone(),
@@ -289,7 +270,7 @@ impl Curve<'_> {
             complete: arms.complete,
             det_sign: None,
             residual_norm: self.here.residual_norm,
-            arclength: self.arclength,
+            arclength: self.path.arclength,
         }
     }
 
@@ -306,15 +287,15 @@ impl Curve<'_> {
             }
         }
         let singular = match coactive {
-            Some(k) => self.coactive[k].0.clone(),
-            None => self.selection.clone(),
+            Some(k) => self.path.coactive[k].0.clone(),
+            None => self.path.selection.clone(),
         };
         if coactive.is_some() {
             self.moves_to_singular_point(&singular, None)?;
         }
-        let forced: Vec<usize> = self.grazing.iter().map(|v| v.index).collect();
+        let forced: Vec<usize> = self.path.grazing.iter().map(|v| v.index).collect();
         let vanishing = self.vanishing_here(&forced);
-        let active = self.active_here(&vanishing)?;
+        let active = self.active_here(&vanishing);
         let mut search = self.search(&vanishing);
         search.singular = Some(singular.clone());
         let mut arms = search.all(&active)?;
@@ -324,12 +305,8 @@ impl Curve<'_> {
             self.here.t = incoming.tangent.iter().map(|t| -t).collect();
         }
         let arrival = incoming.unwrap_or_else(|| self.arm_behind(self.direction_here()));
-        let straight = Arm::along(
-            self.selection.clone(),
-            self.here.t.clone(),
-            self.point_here(PointKind::Step, 0).grazing,
-            None,
-        );
+        let grazing = self.point_here(PointKind::Step, 0).grazing;
+        let straight = Arm::along(self.path.selection.clone(), self.here.t.clone(), grazing, None);
         let far = |a: &Arm| distance(&a.tangent, &straight.tangent);
         let nearest = (0..arms.list.len()).min_by(|&i, &j| far(&arms.list[i]).total_cmp(&far(&arms.list[j])));
         let k = match nearest.filter(|&k| far(&arms.list[k]) < STRAIGHT) {
@@ -352,7 +329,7 @@ impl Curve<'_> {
             complete: arms.complete,
         };
         self.emit(Event::BranchPoint(event));
-        let mut watched = std::mem::take(&mut self.coactive);
+        let mut watched = std::mem::take(&mut self.path.coactive);
         self.adopt(&arms.list[k], &vanishing)?;
         if !arms.list[k].probe.is_empty() {
             return Ok(());
@@ -361,7 +338,7 @@ impl Curve<'_> {
         match coactive {
             Some(k) => {
                 watched[k].1 = watched[k].1.map(|s| -s);
-                self.coactive = watched;
+                self.path.coactive = watched;
             }
             None => {
                 self.here.orientation = self.next.orientation.map(|o| -o);
@@ -373,12 +350,12 @@ impl Curve<'_> {
 
     /// A vanishing test function of a facet of the followed cell across which the tangent leads out.
     pub(in crate::continuation) fn facet_left_here(&self) -> Option<usize> {
-        let mut units = Units::new(&self.map, &self.selection, &self.here.x);
+        let mut units = Units::new(&self.map, &self.path.selection, &self.here.x);
         let mut leaves = |v: &&Vanishing| {
             let rate = v.rate(&self.here.t);
             let least = units.least_rate(v, rate, v.gradient_norm, &self.here.t);
-            let cell = self.map.cell(v.site, self.selection.piece(v.site));
-            !self.grazing.iter().any(|g| g.index == v.index)
+            let cell = self.map.cell(v.site, self.path.selection.piece(v.site));
+            !self.is_grazing(v.index)
                 && cell
                     .iter()
                     .any(|f| f.test() == v.test && f.sign() * rate < -least)
@@ -415,7 +392,7 @@ mod tests {
         let curve = run.curve.erased_mut();
         let arm = |angle: f64| {
             let tangent = vec![angle.sin(), -angle.cos()];
-            Arm::along(curve.selection.clone(), tangent, Vec::new(), None)
+            Arm::along(curve.path.selection.clone(), tangent, Vec::new(), None)
         };
         let beside = [0.2, -0.05, 1e-3, 2e-5].map(arm);
         let back = arm(1e-7);
@@ -437,7 +414,7 @@ mod tests {
         assert_eq!(curve.facet_left_here(), None);
         (curve.here.x[1], curve.here.theta[0]) = (0.0, 0.0);
         assert_eq!(curve.facet_left_here(), Some(0));
-        curve.grazing = curve.vanishing_here(&[]);
+        curve.path.grazing = curve.vanishing_here(&[]);
         assert_eq!(curve.facet_left_here(), None);
     }
 }

@@ -4,7 +4,6 @@ use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
 use crate::continuation::error::if_solved;
-use crate::piecewise::PiecewiseSmoothExt;
 use crate::sparse::norm;
 use crate::tolerances::TANGENTIAL;
 
@@ -100,10 +99,8 @@ impl Curve<'_> {
         let speed = self.speed(state);
         let (value, rate) = match monitor {
             Monitor::Facet { index, facet } => {
-                let mut rates = vec![0.0; self.layout.total()];
-                self.map
-                    .tests_of_selection(&self.selection, &state.x, Some(&state.t), &mut rates);
-                (facet.sign() * state.theta[index], facet.sign() * rates[index])
+                let rate = self.rates_at(state)[index];
+                (facet.sign() * state.theta[index], facet.sign() * rate)
             }
             Monitor::User(k) => {
                 let d = DIFFERENCE * self.next.s;
@@ -133,7 +130,7 @@ impl Curve<'_> {
     fn acceleration(&mut self, state: &State) -> Result<Option<f64>, ContinuationError> {
         let distance = DIFFERENCE * self.next.s;
         let (x, t) = (&state.x, &state.t);
-        let at = (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t));
+        let at = (self.corrector).linearize_again(&self.map, &self.path.selection, x, Some(t));
         Ok(match if_solved(at)? {
             Some(at) => at.turn_of_entry(&self.map, (x, t), x.len() - 1, distance)?,
             None => None,
@@ -177,36 +174,25 @@ impl Curve<'_> {
 
     /// Facets of the cell which both ends are inside, and which the curve approaches and leaves in between.
     fn falling_facets(&self) -> Vec<(Monitor, [Sample; 2])> {
-        let total = self.layout.total();
-        let d0 = self.departing_rates();
-        let mut d1 = vec![0.0; total];
-        self.map
-            .tests_of_selection(&self.selection, &self.next.x, Some(&self.next.t), &mut d1);
+        let (d0, d1) = (self.departing_rates(), self.rates_at(&self.next));
         let step = self.next.s.max(f64::MIN_POSITIVE);
-        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+        let reach = self.setup.options.vanishing_distance * (1.0 + norm(&self.here.x));
         let stretch = self.stretch();
         let mut all = Vec::new();
-        for site in 0..self.layout.num_sites() {
-            let start = self.layout.range(site).start;
-            for &facet in self.map.cell(site, self.selection.piece(site)) {
-                let k = start + facet.test();
-                if self.grazing.iter().any(|v| v.index == k) {
-                    continue;
-                }
-                let sample = |s: f64, theta: &[f64], rate: f64| Sample {
-                    s,
-                    value: facet.sign() * theta[k],
-                    rate: facet.sign() * rate,
-                };
-                let ends = [
-                    sample(0.0, &self.here.theta, d0[k]),
-                    sample(step, &self.next.theta, d1[k] / stretch),
-                ];
-                // A step may begin on the facet, to rounding.
-                let inside = ends[0].value >= -reach * ends[0].rate.abs() && ends[1].value > 0.0;
-                if inside && may_fall_below_zero(&ends[0], &ends[1]) {
-                    all.push((Monitor::Facet { index: k, facet }, ends));
-                }
+        for (index, facet) in self.facets().filter(|f| !self.is_grazing(f.0)) {
+            let sample = |s: f64, theta: &[f64], rate: f64| Sample {
+                s,
+                value: facet.sign() * theta[index],
+                rate: facet.sign() * rate,
+            };
+            let ends = [
+                sample(0.0, &self.here.theta, d0[index]),
+                sample(step, &self.next.theta, d1[index] / stretch),
+            ];
+            // A step may begin on the facet, to rounding.
+            let inside = ends[0].value >= -reach * ends[0].rate.abs() && ends[1].value > 0.0;
+            if inside && may_fall_below_zero(&ends[0], &ends[1]) {
+                all.push((Monitor::Facet { index, facet }, ends));
             }
         }
         all
@@ -215,7 +201,7 @@ impl Curve<'_> {
     /// Monitor functions that approach zero from both ends.
     fn falling_monitors(&mut self, all: &mut Vec<(Monitor, [Sample; 2])>) {
         let (here, next) = (&self.here, &self.next);
-        for k in 0..self.watches.len() {
+        for k in 0..self.monitors.watches.len() {
             let sample = |state: &State, s: f64, speed: f64| {
                 let d = if s == 0.0 { DIFFERENCE } else { -DIFFERENCE } * next.s;
                 let at = |d: f64| self.side_beside(k, &state.x, &state.t, d);

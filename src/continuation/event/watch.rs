@@ -4,11 +4,11 @@ use std::borrow::Cow;
 
 use super::singular::{LOCATED, ZERO_DETERMINANT};
 use crate::continuation::ContinuationError;
-use crate::continuation::engine::Curve;
+use crate::continuation::engine::{Curve, State};
 use crate::continuation::error::if_solved;
 use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::point::search::UNEXPLAINED;
-use crate::piecewise::{Facet, PiecewiseSmoothExt, Selection};
+use crate::piecewise::{Facet, Selection};
 use crate::sparse::{distance, norm};
 
 /// A scalar function along the curve whose changes of sign are events.
@@ -119,44 +119,38 @@ impl Curve<'_> {
             }
         };
         let size = 1.0 + norm(&self.here.x);
-        let reach = self.options.vanishing_distance * size;
+        let reach = self.setup.options.vanishing_distance * size;
         let step = self.next.s.max(f64::MIN_POSITIVE);
-        for site in 0..self.layout.num_sites() {
-            let first = self.layout.range(site).start;
-            for &facet in self.map.cell(site, self.selection.piece(site)) {
-                let index = first + facet.test();
-                let (g0, g1) = (
-                    facet.sign() * self.here.theta[index],
-                    facet.sign() * self.next.theta[index],
-                );
-                let slack = match self.grazing.iter().find(|v| v.index == index) {
-                    Some(v) => 100.0 * reach * v.gradient_norm,
-                    None if located.is_empty() => 0.0,
-                    // Two facets crossed together must not alternate for ever.
-                    None if located.contains(&Monitor::Facet { index, facet }) => {
-                        reach * (g0 - g1).abs() / step
-                    }
-                    None => ROUNDING * size * (g0 - g1).abs() / step,
+        for (index, facet) in self.facets() {
+            let (g0, g1) = (
+                facet.sign() * self.here.theta[index],
+                facet.sign() * self.next.theta[index],
+            );
+            let slack = match self.path.grazing.iter().find(|v| v.index == index) {
+                Some(v) => 100.0 * reach * v.gradient_norm,
+                None if located.is_empty() => 0.0,
+                // Two facets crossed together must not alternate for ever.
+                None if located.contains(&Monitor::Facet { index, facet }) => reach * (g0 - g1).abs() / step,
+                None => ROUNDING * size * (g0 - g1).abs() / step,
+            };
+            // Next to a facet that the curve has just left, rounding may violate it.
+            let leaves = g1 < -slack && !(g0 <= 0.0 && g1 >= g0) && !self.is_rounding(index);
+            if leaves || (g1.is_nan() && !g0.is_nan()) {
+                let fraction = match self.return_to(index, facet) {
+                    Some(s) => s / step,
+                    None if g0 > 0.0 => g0 / (g0 - g1),
+                    None => 0.0,
                 };
-                // Next to a facet that the curve has just left, rounding may violate it.
-                let leaves = g1 < -slack && !(g0 <= 0.0 && g1 >= g0) && !self.is_rounding(index);
-                if leaves || (g1.is_nan() && !g0.is_nan()) {
-                    let fraction = match self.return_to(index, facet) {
-                        Some(s) => s / step,
-                        None if g0 > 0.0 => g0 / (g0 - g1),
-                        None => 0.0,
-                    };
-                    offer(fraction, Monitor::Facet { index, facet });
-                }
+                offer(fraction, Monitor::Facet { index, facet });
             }
         }
         let last = self.here.x.len() - 1;
         let (a0, a1) = (self.here.x[last], self.next.x[last]);
         let (t0, t1) = (self.here.t[last], self.next.t[last]);
-        let (lower, upper) = self.options.parameter_range;
+        let (lower, upper) = self.setup.options.parameter_range;
         let vertical = (self.here.heading, self.next.heading) == (Some(0), Some(0));
         let touched = self.touched_bound(located)?;
-        let targets = self.options.targets.iter().map(|&v| (v, false));
+        let targets = self.setup.options.targets.iter().map(|&v| (v, false));
         for (value, is_bound) in targets.chain([(lower, true), (upper, true)]) {
             // Vertical segments on a bound stay on it.
             if is_bound && (touched == Some(value) || (vertical && a0 == value)) {
@@ -173,13 +167,8 @@ impl Curve<'_> {
             };
             if passed && value.is_finite() {
                 let fraction = ((value - a0) / (a1 - a0)).clamp(0.0, 1.0);
-                offer(
-                    fraction,
-                    Monitor::Parameter {
-                        value,
-                        last: is_bound,
-                    },
-                );
+                let last = is_bound;
+                offer(fraction, Monitor::Parameter { value, last });
             }
         }
         if let (Some(before), Some(after)) = (self.here.heading, self.next.heading)
@@ -192,10 +181,10 @@ impl Curve<'_> {
         {
             offer(0.5, Monitor::Singular);
         }
-        if !self.coactive.is_empty() {
+        if !self.path.coactive.is_empty() {
             let (x, t) = (self.next.x.clone(), self.next.t.clone());
-            for k in 0..self.coactive.len() {
-                let (selection, sign) = self.coactive[k].clone();
+            for k in 0..self.path.coactive.len() {
+                let (selection, sign) = self.path.coactive[k].clone();
                 // Where both are singular at one point, nothing tells the sign there.
                 let together = located.last() == Some(&Monitor::Singular);
                 if sign.is_some()
@@ -213,7 +202,7 @@ impl Curve<'_> {
     /// Where α stands still, the place where it reaches the bound would be the same point with half as many digits; so it would be where
     /// ∇H is singular.
     fn touched_bound(&mut self, located: &[Monitor]) -> Result<Option<f64>, ContinuationError> {
-        let (lower, upper) = self.options.parameter_range;
+        let (lower, upper) = self.setup.options.parameter_range;
         let within = |alpha: f64, error: f64| {
             let near = |bound: &f64| (alpha - bound).abs() <= error;
             [lower, upper].into_iter().find(near)
@@ -239,7 +228,7 @@ impl Curve<'_> {
         let last = x.len() - 1;
         let mut along = vec![0.0; x.len()];
         along[last] = 1.0;
-        let at = (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t));
+        let at = (self.corrector).linearize_again(&self.map, &self.path.selection, x, Some(t));
         let Some(rounding) = if_solved(at)?.and_then(|mut at| at.rounding_of(&along, x, t)) else {
             return Ok(None);
         };
@@ -252,36 +241,28 @@ impl Curve<'_> {
     /// Whether a test function in whose zero set the curve runs has changed by rounding alone: its rates at both ends of the step do not
     /// account for its value.
     fn is_rounding(&self, index: usize) -> bool {
-        if !self.grazing.iter().any(|v| v.index == index) {
+        if !self.is_grazing(index) {
             return false;
         }
-        let rate = |x: &[f64], t: &[f64]| {
-            let mut rates = vec![0.0; self.layout.total()];
-            self.map
-                .tests_of_selection(&self.selection, x, Some(t), &mut rates);
-            rates[index].abs()
-        };
-        let fastest = rate(&self.here.x, &self.here.t).max(rate(&self.next.x, &self.next.t));
+        let rate = |state: &State| self.rates_at(state)[index].abs();
+        let fastest = rate(&self.here).max(rate(&self.next));
         self.next.theta[index].abs() > UNEXPLAINED * self.next.s * fastest
     }
 
     /// Rates of the test functions along the tangent at `here`.
     pub(super) fn departing_rates(&self) -> Cow<'_, [f64]> {
-        if self.departure.is_of(self) {
-            return Cow::Borrowed(&self.departure.rates);
+        if self.buffers.departure.is_of(self) {
+            return Cow::Borrowed(&self.buffers.departure.rates);
         }
-        let mut rates = vec![0.0; self.layout.total()];
-        self.map
-            .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut rates);
-        Cow::Owned(rates)
+        Cow::Owned(self.rates_at(&self.here))
     }
 
     /// Stores these rates, which are needed for every facet crossed inside the step.
     fn note_departure(&mut self) {
-        if !self.departure.is_of(self) && !self.map.is_piecewise_affine() {
-            self.departure = Departure {
+        if !self.buffers.departure.is_of(self) && !self.map.is_piecewise_affine() {
+            self.buffers.departure = Departure {
                 rates: self.departing_rates().into_owned(),
-                selection: Some(self.selection.clone()),
+                selection: Some(self.path.selection.clone()),
                 x: self.here.x.clone(),
                 t: self.here.t.clone(),
             };
@@ -301,7 +282,7 @@ impl Curve<'_> {
             return None;
         }
         let rate = sign * self.departing_rates()[index];
-        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+        let reach = self.setup.options.vanishing_distance * (1.0 + norm(&self.here.x));
         (rate > 0.0 && g0.abs() <= reach * rate).then(|| rate * step * step / (rate * step - g1))
     }
 }
@@ -317,7 +298,9 @@ pub(in crate::continuation) struct Departure {
 
 impl Departure {
     fn is_of(&self, curve: &Curve<'_>) -> bool {
-        self.selection.as_ref() == Some(&curve.selection) && self.x == curve.here.x && self.t == curve.here.t
+        self.selection.as_ref() == Some(&curve.path.selection)
+            && self.x == curve.here.x
+            && self.t == curve.here.t
     }
 }
 

@@ -65,32 +65,18 @@ pub(super) fn gradient_sizes<P: PiecewiseSmooth + ?Sized>(
 
 impl<'a> Curve<'a> {
     pub(in crate::continuation) fn vanishing_here(&self, forced: &[usize]) -> Vec<Vanishing> {
-        let distance = self.options.vanishing_distance;
-        let mut list = vanishing_at(
-            &self.map,
-            &self.layout,
-            &self.selection,
-            &self.here.x,
-            &self.here.theta,
-            distance,
-            forced,
-        );
-        let mut units = Units::new(&self.map, &self.selection, &self.here.x);
-        list.retain(|v| forced.contains(&v.index) || units.is_near(v, self.here.theta[v.index], distance));
+        let distance = self.setup.options.vanishing_distance;
+        let (map, layout, selection) = (&self.map, &self.setup.layout, &self.path.selection);
+        let (x, theta) = (&self.here.x, &self.here.theta);
+        let mut list = vanishing_at(map, layout, selection, x, theta, distance, forced);
+        let mut units = Units::new(map, selection, x);
+        list.retain(|v| forced.contains(&v.index) || units.is_near(v, theta[v.index], distance));
         list
     }
 
-    pub(in crate::continuation) fn active_here(
-        &self,
-        vanishing: &[Vanishing],
-    ) -> Result<ActiveSet, ContinuationError> {
+    pub(in crate::continuation) fn active_here(&self, vanishing: &[Vanishing]) -> ActiveSet {
         let indices = vanishing.iter().map(|v| v.index).collect();
-        Ok(ActiveSet::from_tests(
-            &self.map,
-            &self.layout,
-            &self.here.theta,
-            indices,
-        ))
+        ActiveSet::from_tests(&self.map, &self.setup.layout, &self.here.theta, indices)
     }
 
     pub(in crate::continuation) fn all_arms(
@@ -106,13 +92,13 @@ impl<'a> Curve<'a> {
         vanishing: &[Vanishing],
         rate: Option<f64>,
     ) -> Result<Arms, ContinuationError> {
-        let active = self.active_here(vanishing)?;
+        let active = self.active_here(vanishing);
         if let Some(&site) = active.outside().first() {
             return Err(ContinuationError::Outside {
                 site: self.map.site_name(site).into_owned(),
             });
         }
-        let start = self.selection.clone();
+        let start = self.path.selection.clone();
         // As the point was located.
         let singular = self.here.orientation.is_none() && self.here.det_sign == Some(0);
         let mut search = self.search(vanishing);
@@ -131,14 +117,14 @@ impl<'a> Curve<'a> {
         ArmSearch {
             map: &self.map,
             corrector: &mut self.corrector,
-            options: &self.options,
-            layout: &self.layout,
+            options: &self.setup.options,
+            layout: &self.setup.layout,
             x: &self.here.x,
             theta: &self.here.theta,
             vanishing,
             singular: None,
             unknown: false,
-            deadline: Self::deadline(self.clock, &self.options, self.over.as_ref()),
+            deadline: self.setup.deadline(),
             decomposed: false,
             found: Vec::new(),
             seen: BTreeSet::new(),

@@ -4,7 +4,7 @@ use super::{Arms, Certainty, PointAnalysis, PointDoubt, certainty};
 use crate::continuation::engine::Curve;
 use crate::continuation::start::solver;
 use crate::continuation::{Arm, ContinuationError, ContinuationOptions};
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::{PiecewiseSmooth, Vanishing};
 
 /// All arms of the solution set at a solution x, and whether the list is complete to first order.
 ///
@@ -35,18 +35,13 @@ pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
 impl Curve<'_> {
     /// All arms at the start, in scaled variables.
     pub(in crate::continuation) fn arms_of_start(&mut self) -> Result<(Arms, Certainty), ContinuationError> {
-        self.moves_to_singular_point(&self.selection.clone(), None)?;
+        self.moves_to_singular_point(&self.path.selection.clone(), None)?;
         let vanishing = self.met_here()?;
         let arms = self.all_arms(&vanishing)?;
         let certainty = match &arms.undecided {
             Some(doubt) => Certainty::Undecided(doubt.clone()),
             None if !arms.complete => Certainty::Undecided(PointDoubt::Budget),
-            None => certainty(
-                &&self.map,
-                &self.here.x,
-                &self.active_here(&vanishing)?,
-                &arms.list,
-            ),
+            None => self.certainty_at(&vanishing, &arms.list),
         };
         Ok((arms, certainty))
     }
@@ -57,11 +52,10 @@ impl Curve<'_> {
         arms: &[Arm],
     ) -> Result<Certainty, ContinuationError> {
         let vanishing = self.met_here()?;
-        Ok(certainty(
-            &&self.map,
-            &self.here.x,
-            &self.active_here(&vanishing)?,
-            arms,
-        ))
+        Ok(self.certainty_at(&vanishing, arms))
+    }
+
+    fn certainty_at(&self, vanishing: &[Vanishing], arms: &[Arm]) -> Certainty {
+        certainty(&&self.map, &self.here.x, &self.active_here(vanishing), arms)
     }
 }

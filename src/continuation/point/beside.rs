@@ -48,12 +48,12 @@ impl Curve<'_> {
         arm: &Arm,
         beside: Vec<f64>,
     ) -> Result<(), ContinuationError> {
-        self.selection.copy_from(&arm.selection);
+        self.path.selection.copy_from(&arm.selection);
         self.here.t.copy_from_slice(&arm.tangent);
         self.emit_start();
-        self.arclength = distance(&self.here.x, &beside);
+        self.path.arclength = distance(&self.here.x, &beside);
         self.here.x = beside;
-        (self.map).tests_of_selection(&self.selection, &self.here.x, None, &mut self.here.theta);
+        (self.map).tests_of_selection(&self.path.selection, &self.here.x, None, &mut self.here.theta);
         self.adopt(arm, &[])?;
         self.doubt_orientation(arm)
     }
@@ -68,7 +68,7 @@ impl Curve<'_> {
         if self.map.is_piecewise_affine() {
             return Ok(None);
         }
-        let (lower, upper) = self.options.parameter_range;
+        let (lower, upper) = self.setup.options.parameter_range;
         let x = &self.here.x;
         let Some(&alpha) = x.last() else { return Ok(None) };
         let room = if rate > 0.0 { upper - alpha } else { alpha - lower };

@@ -5,7 +5,7 @@ use super::units::Units;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
 use crate::continuation::error::if_solved;
-use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing};
+use crate::piecewise::{PiecewiseSmooth, Selection, TestLayout, Vanishing};
 use crate::sparse::norm;
 
 /// Distance along the curve, relative to 1 + ‖x‖, beyond which zeros do not coincide.
@@ -23,12 +23,10 @@ impl Curve<'_> {
         &mut self,
         index: usize,
     ) -> Result<Vec<Vanishing>, ContinuationError> {
-        let mut rates = std::mem::take(&mut self.rates);
+        let mut rates = std::mem::take(&mut self.buffers.rates);
         // On affine pieces they are those of the last step.
-        if !self.map.is_piecewise_affine() || rates.len() != self.layout.total() {
-            rates.resize(self.layout.total(), 0.0);
-            self.map
-                .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut rates);
+        if !self.map.is_piecewise_affine() || rates.len() != self.setup.layout.total() {
+            rates = self.rates_at(&self.here);
         }
         let mut facets = self.facets_near(index, &rates);
         let mut others = self.other_tests_near(&facets);
@@ -36,7 +34,7 @@ impl Curve<'_> {
             let rounding = self.rounding_here()?;
             let error = |v: &Vanishing| rounding.of(v);
             // Distance along the curve by which rounding may have moved the located crossing.
-            let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+            let reach = self.setup.options.vanishing_distance * (1.0 + norm(&self.here.x));
             let located = facets.iter().find(|(v, _)| v.index == index);
             let shift = located.map_or(0.0, |(v, _)| (error(v) / rates[index].abs()).min(reach));
             let meets =
@@ -44,12 +42,13 @@ impl Curve<'_> {
             facets.retain(|(v, certain)| *certain || meets(v));
             others.retain(|v| facets.iter().any(|(f, _)| f.site == v.site) && meets(v));
         }
-        self.rates = rates;
+        self.buffers.rates = rates;
         let mut list: Vec<Vanishing> = facets.into_iter().map(|(v, _)| v).chain(others).collect();
         list.sort_by_key(|v| v.index);
         let indices: Vec<usize> = list.iter().map(|v| v.index).collect();
         let theta = &mut self.here.theta;
-        keep_inside(&&self.map, &self.layout, &self.selection, &indices, theta);
+        let (layout, selection) = (&self.setup.layout, &self.path.selection);
+        keep_inside(&&self.map, layout, selection, &indices, theta);
         Ok(list)
     }
 
@@ -57,20 +56,16 @@ impl Curve<'_> {
     fn facets_near(&self, index: usize, rates: &[f64]) -> Vec<(Vanishing, bool)> {
         let wide = WIDE * (1.0 + norm(&self.here.x));
         let mut near = Vec::new();
-        let mut units = Units::new(&self.map, &self.selection, &self.here.x);
-        for site in 0..self.layout.num_sites() {
-            let first = self.layout.range(site).start;
-            for facet in self.map.cell(site, self.selection.piece(site)) {
-                let k = first + facet.test();
-                let certain = k == index || self.grazing.iter().any(|v| v.index == k);
-                if !certain && (self.here.theta[k].abs() > wide * rates[k].abs() || rates[k].is_nan()) {
-                    continue;
-                }
-                let v = Vanishing::new(&self.map, &self.layout, &self.selection, k, &self.here.x);
-                let mut least = || units.least_rate(&v, rates[k], v.gradient_norm, &self.here.t);
-                if certain || facet.sign() * rates[k] <= least() {
-                    near.push((v, certain));
-                }
+        let mut units = Units::new(&self.map, &self.path.selection, &self.here.x);
+        for (k, facet) in self.facets() {
+            let certain = k == index || self.is_grazing(k);
+            if !certain && (self.here.theta[k].abs() > wide * rates[k].abs() || rates[k].is_nan()) {
+                continue;
+            }
+            let v = self.test_here(k);
+            let mut least = || units.least_rate(&v, rates[k], v.gradient_norm, &self.here.t);
+            if certain || facet.sign() * rates[k] <= least() {
+                near.push((v, certain));
             }
         }
         near
@@ -81,26 +76,25 @@ impl Curve<'_> {
         let wide = WIDE * (1.0 + norm(&self.here.x));
         let affine = self.map.is_piecewise_affine();
         if affine {
-            self.gradient_norms.resize(self.layout.total(), f64::NAN);
+            let total = self.setup.layout.total();
+            self.buffers.gradient_norms.resize(total, f64::NAN);
         }
         let mut near = Vec::new();
         let mut last = None;
-        for (v, _) in facets
-            .iter()
-            .filter(|(v, _)| last.replace(v.site) != Some(v.site))
-        {
-            let cell = self.map.cell(v.site, self.selection.piece(v.site));
-            let range = self.layout.range(v.site);
+        let mut is_new = |site: usize| last.replace(site) != Some(site);
+        for (v, _) in facets.iter().filter(|(v, _)| is_new(v.site)) {
+            let cell = self.map.cell(v.site, self.path.selection.piece(v.site));
+            let range = self.setup.layout.range(v.site);
             for k in range.clone() {
                 if cell.iter().any(|f| range.start + f.test() == k) {
                     continue;
                 }
-                if affine && self.here.theta[k].abs() > wide * self.gradient_norms[k] {
+                if affine && self.here.theta[k].abs() > wide * self.buffers.gradient_norms[k] {
                     continue;
                 }
-                let other = Vanishing::new(&self.map, &self.layout, &self.selection, k, &self.here.x);
+                let other = self.test_here(k);
                 if affine {
-                    self.gradient_norms[k] = other.gradient_norm;
+                    self.buffers.gradient_norms[k] = other.gradient_norm;
                 }
                 if self.here.theta[k].abs() <= wide * other.gradient_norm {
                     near.push(other);
@@ -115,7 +109,7 @@ impl Curve<'_> {
         let pairs = self.here.x.iter().zip(&self.next.x);
         let sizes: Vec<f64> = pairs.map(|(a, b)| a.abs().max(b.abs())).collect();
         let (x, t) = (&self.here.x, &self.here.t);
-        let at = (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t));
+        let at = (self.corrector).linearize_again(&self.map, &self.path.selection, x, Some(t));
         let noise = match if_solved(at)? {
             Some(mut at) => if_solved(at.noise(&self.map, (x, &sizes), t))?,
             None => None,
@@ -123,7 +117,7 @@ impl Curve<'_> {
         Ok(match noise {
             Some(moves) => Rounding::Measured { moves, sizes },
             // The selection is singular here: the point is good to the distance at which test functions count as vanishing.
-            None => Rounding::Distance(self.options.vanishing_distance * (1.0 + norm(x))),
+            None => Rounding::Distance(self.setup.options.vanishing_distance * (1.0 + norm(x))),
         })
     }
 }

@@ -6,7 +6,6 @@ use crate::continuation::event::locate::STRAY;
 use crate::continuation::event::watch::Monitor;
 use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::{ContinuationError, Event, PointKind, Termination};
-use crate::piecewise::PiecewiseSmoothExt;
 use crate::sparse::{distance, norm};
 use crate::tolerances::TANGENTIAL;
 
@@ -22,13 +21,13 @@ impl Curve<'_> {
     ) -> Result<(), ContinuationError> {
         let closed = self.closes()?;
         let step = distance(&self.here.x, &self.next.x);
-        self.arclength += step;
+        self.path.arclength += step;
         std::mem::swap(&mut self.here, &mut self.next);
         self.here.s = 0.0;
         self.here.probe.clear();
         self.forget_facets_left()?;
         self.refresh_sides();
-        let arrival = (!self.watches.is_empty()).then(|| self.here.t.clone());
+        let arrival = (!self.monitors.watches.is_empty()).then(|| self.here.t.clone());
         // An event beyond the start is none of a curve that closes there.
         let located = match event {
             Some(Monitor::User(k)) if !closed => Some(k),
@@ -37,7 +36,7 @@ impl Curve<'_> {
         if closed {
             let point = self.point_here(PointKind::Step, corrections);
             self.emit(Event::Point(point));
-            self.termination = Some(Termination::Closed);
+            self.told.termination = Some(Termination::Closed);
         } else {
             if !matches!(event, Some(Monitor::Coactive(_))) {
                 self.refresh_coactive()?;
@@ -58,7 +57,7 @@ impl Curve<'_> {
             (event, self.here.x.last_mut())
         {
             // A bound that is touched there lies beyond by rounding at most.
-            let (lower, upper) = self.options.parameter_range;
+            let (lower, upper) = self.setup.options.parameter_range;
             *alpha = alpha.max(lower).min(upper);
         }
         match event {
@@ -75,10 +74,10 @@ impl Curve<'_> {
                 let point = self.point_here(PointKind::Target, corrections);
                 self.emit(Event::Point(point));
                 if last {
-                    self.termination = Some(Termination::ParameterRange);
+                    self.told.termination = Some(Termination::ParameterRange);
                 }
             }
-            Some(Monitor::Fold) if self.moves_to_singular_point(&self.selection.clone(), None)? => {
+            Some(Monitor::Fold) if self.moves_to_singular_point(&self.path.selection.clone(), None)? => {
                 self.here.heading = None;
                 self.pass_branch_point(None)?;
             }
@@ -122,10 +121,9 @@ impl Curve<'_> {
             }
             self.here.x[m - 1] = value;
             self.map
-                .residual(&self.selection, &self.here.x, &mut self.residual);
-            self.here.residual_norm = norm(&self.residual);
-            self.map
-                .tests_of_selection(&self.selection, &self.here.x, None, &mut self.here.theta);
+                .residual(&self.path.selection, &self.here.x, &mut self.buffers.residual);
+            self.here.residual_norm = norm(&self.buffers.residual);
+            self.here.find_tests(&self.map, &self.path.selection);
             return Ok(());
         }
         let mut normal = vec![0.0; m];
@@ -134,21 +132,15 @@ impl Curve<'_> {
         let mut x = anchor.clone();
         let mut t = self.here.t.clone();
         let offset = value - anchor[m - 1];
-        let corrected = self.corrector.correct_in_plane(
-            &self.map,
-            &self.selection,
-            (&anchor, &normal, offset),
-            &mut x,
-            &mut t,
-        );
+        let (map, plane) = (&self.map, (&anchor[..], &normal[..], offset));
+        let corrected = (self.corrector).correct_in_plane(map, &self.path.selection, plane, &mut x, &mut t);
         if let Ok((c, _)) = corrected
             && c.converged
         {
             x[m - 1] = value;
             self.here.x = x;
             self.here.residual_norm = c.residual_norm;
-            self.map
-                .tests_of_selection(&self.selection, &self.here.x, None, &mut self.here.theta);
+            self.here.find_tests(&self.map, &self.path.selection);
         }
         Ok(())
     }
@@ -158,24 +150,24 @@ impl Curve<'_> {
     fn closes(&mut self) -> Result<bool, ContinuationError> {
         let length = distance(&self.here.x, &self.next.x);
         // An event located at the start may lie before it.
-        let slack = (self.options.vanishing_distance * (1.0 + norm(&self.start))).min(SLACK * length);
-        let offset = self.here.progress_to(&self.start);
-        if self.arclength <= slack || !(offset > 0.0 && offset <= self.next.s + slack) {
+        let slack =
+            (self.setup.options.vanishing_distance * (1.0 + norm(&self.setup.start))).min(SLACK * length);
+        let offset = self.here.progress_to(&self.setup.start);
+        if self.path.arclength <= slack || !(offset > 0.0 && offset <= self.next.s + slack) {
             return Ok(false);
         }
         let high = self.next.clone();
         let mut abreast = high.clone();
         self.interpolate(offset, &high, &mut abreast);
-        if distance(&abreast.x, &self.start) > STRAY * high.s {
+        if distance(&abreast.x, &self.setup.start) > STRAY * high.s {
             return Ok(false);
         }
-        let (selection, start) = (self.selection.clone(), self.start.clone());
+        let (selection, start) = (self.path.selection.clone(), self.setup.start.clone());
         if !self.is_one(&mut abreast, &start)? {
             return Ok(false);
         }
         abreast.s = offset;
-        self.map
-            .tests_of_selection(&selection, &abreast.x, None, &mut abreast.theta);
+        abreast.find_tests(&self.map, &selection);
         self.complete_state(&mut abreast)?;
         // Where the curve returns beside itself, closer than that, its direction is the opposite one.
         let at_start = self.orientation_of(&selection, &start, &abreast.t)?;
@@ -193,7 +185,7 @@ impl Curve<'_> {
     fn is_one(&mut self, state: &mut State, other: &[f64]) -> Result<bool, ContinuationError> {
         let length = norm(&state.t);
         let normal: Vec<f64> = state.t.iter().map(|t| t / length).collect();
-        let (map, selection) = (&self.map, &self.selection);
+        let (map, selection) = (&self.map, &self.path.selection);
         let (mut there, mut t) = (other.to_vec(), normal.clone());
         let first =
             (self.corrector).correct_in_plane(map, selection, (other, &normal, 0.0), &mut state.x, &mut t);

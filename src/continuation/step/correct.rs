@@ -5,7 +5,6 @@ use super::judge::{Shape, tangent_noise};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, relative_residual, row_sizes};
 use crate::continuation::error::if_solved;
-use crate::piecewise::PiecewiseSmoothExt;
 use crate::sparse::norm;
 
 /// Share of the curvature of the last step that is remembered through inflections.
@@ -20,20 +19,16 @@ impl Curve<'_> {
         h: f64,
         prediction: Option<&[f64]>,
     ) -> Result<Option<Accepted>, ContinuationError> {
-        match prediction {
-            Some(x) => self.next.x.copy_from_slice(x),
-            None => {
-                let along = self.here.x.iter().zip(&self.here.t).map(|(x, t)| x + h * t);
-                self.next.x.iter_mut().zip(along).for_each(|(next, x)| *next = x);
-            }
+        self.next.predict(&self.here, h);
+        if let Some(x) = prediction {
+            self.next.x.copy_from_slice(x);
         }
-        self.next.t.copy_from_slice(&self.here.t);
-        let o = &self.options;
+        let o = &self.setup.options;
         let tolerances = (o.residual_tolerance, o.step_tolerance * (norm(&self.here.x) + h));
-        let (map, sizes) = (&self.map, &self.row_sizes);
+        let (map, sizes) = (&self.map, &self.path.row_sizes);
         let corrected = self.corrector.correct_measured(
             &map,
-            &mut self.selection,
+            &mut self.path.selection,
             &mut |_, _| {},
             &|r| relative_residual(r, sizes),
             &mut self.next.x,
@@ -45,7 +40,7 @@ impl Curve<'_> {
         };
         let correction = corrected.correction;
         // The terms that cancel may have been smaller so far: zero on leaving a branch point at the origin.
-        let (next, next_sizes) = (&mut self.next, &mut self.next_sizes);
+        let (next, next_sizes) = (&mut self.next, &mut self.buffers.sizes);
         next_sizes.clear();
         row_sizes(
             corrected.jacobian(),
@@ -61,15 +56,15 @@ impl Curve<'_> {
         }
         next.residual_norm = correction.residual_norm;
         next.s = self.here.progress_to(&next.x);
-        let (decline, mut at) = (self.regularity).decline(corrected.linearisation(), map, sizes, next, h)?;
+        let (decline, mut at) =
+            (self.path.regularity).decline(corrected.linearisation(), map, sizes, next, h)?;
         next.decline = Some(decline);
-        next.orientation = at.orientation(&next.t);
-        next.det_sign = at.det_sign();
+        next.take_signs(Some(&at));
         let Some(mut shape) = Shape::of(&self.here, next, h, o.min_cos) else {
             return Ok(None);
         };
         let flips = next.orientation != self.here.orientation;
-        let (bend, regular) = (self.curvature * h, self.here.decline.is_some());
+        let (bend, regular) = (self.path.curvature * h, self.here.decline.is_some());
         let mut noise = || tangent_noise(regular, at.rcond());
         if !flips
             && shape.is_doubtful(bend, correction.iterations, &mut noise)
@@ -88,14 +83,13 @@ impl Curve<'_> {
         if self.next.t.last().is_some_and(|rate| rate.abs() <= blur) {
             self.sharpen_next()?;
         }
-        for (size, next) in self.row_sizes.iter_mut().zip(&self.next_sizes) {
+        for (size, next) in self.path.row_sizes.iter_mut().zip(&self.buffers.sizes) {
             *size = size.max(*next);
         }
-        self.map
-            .tests_of_selection(&self.selection, &self.next.x, None, &mut self.next.theta);
+        self.next.find_tests(&self.map, &self.path.selection);
         Ok(Some(Accepted {
             corrections: correction.iterations,
-            curvature: (shape.turn / h).max(FADING * self.curvature),
+            curvature: (shape.turn / h).max(FADING * self.path.curvature),
         }))
     }
 }
@@ -111,7 +105,7 @@ mod tests {
         let mut run = map.curve(0.0, 0.0);
         let curve = run.curve.erased_mut();
         for k in 1..50 {
-            curve.row_sizes = vec![0.0];
+            curve.path.row_sizes = vec![0.0];
             let h = 1e-3 * f64::from(k);
             assert!(curve.try_step(h, None).unwrap().is_some(), "{h}");
             assert!((curve.next.x[0] - curve.next.x[1].exp_m1()).abs() < 1e-15);

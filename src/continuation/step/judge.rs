@@ -95,15 +95,8 @@ impl Regularity {
         let distance = SHARE * h.max(LEAST / SHARE * (1.0 + norm(&state.x)));
         self.sizes.clear();
         self.sizes.extend_from_slice(row_sizes);
-        let (sizes, behind) = (&mut self.sizes, &mut self.behind);
-        let (rate, at) = at.decline(
-            map,
-            (&state.x, &state.t),
-            distance,
-            sizes,
-            &mut self.probe,
-            behind,
-        )?;
+        let (here, sizes, behind) = ((&state.x[..], &state.t[..]), &mut self.sizes, &mut self.behind);
+        let (rate, at) = at.decline(map, here, distance, sizes, &mut self.probe, behind)?;
         if self.probe.iter().any(|v| !v.is_finite()) {
             self.probe = generic_probe(self.probe.len());
         }
@@ -167,7 +160,7 @@ impl<'a> Curve<'a> {
         if regular {
             let State { x, t, .. } = &mut self.here;
             let at_fold = t.last() == Some(&0.0);
-            sharpen(&mut self.corrector, &self.map, &self.selection, x, t)?;
+            sharpen(&mut self.corrector, &self.map, &self.path.selection, x, t)?;
             if at_fold && let Some(rate) = t.last_mut() {
                 *rate = 0.0;
             }
@@ -182,7 +175,7 @@ impl<'a> Curve<'a> {
         &mut self,
     ) -> Result<Option<Linearisation<'_, Solver<'a>>>, ContinuationError> {
         let State { x, t, det_sign, .. } = &mut self.next;
-        let at = sharpen(&mut self.corrector, &self.map, &self.selection, x, t)?;
+        let at = sharpen(&mut self.corrector, &self.map, &self.path.selection, x, t)?;
         if let Some(at) = &at {
             *det_sign = at.det_sign();
         }
@@ -200,15 +193,9 @@ impl<'a> Curve<'a> {
         middle.t.iter_mut().for_each(|t| *t /= length);
         let mean = middle.t.clone();
         let free = (f64::INFINITY, f64::INFINITY);
-        let corrected = self.corrector.correct(
-            &self.map,
-            &mut self.selection,
-            |_, _| {},
-            &mut middle.x,
-            &mut middle.t,
-            free,
-            1,
-        );
+        let (map, selection) = (&self.map, &mut self.path.selection);
+        let (x, t) = (&mut middle.x, &mut middle.t);
+        let corrected = (self.corrector).correct(map, selection, |_, _| {}, x, t, free, 1);
         let Some((correction, mut at)) = if_solved(corrected)? else {
             return Ok(false);
         };
@@ -240,7 +227,7 @@ mod tests {
         let curve = run.curve.erased_mut();
         let mut accepts = |y: f64, alpha: f64| {
             curve.step_to([y, alpha], [0.0, 1.0]);
-            Shape::of(&curve.here, &curve.next, 0.1, curve.options.min_cos).is_some()
+            Shape::of(&curve.here, &curve.next, 0.1, curve.setup.options.min_cos).is_some()
         };
         assert!(accepts(0.0, 0.1) && accepts(0.0, 0.051) && accepts(0.0, 0.199));
         assert!(!accepts(0.0, 0.049) && !accepts(0.0, 0.201));
@@ -254,7 +241,7 @@ mod tests {
         let mut run = map.curve(0.0, 0.0);
         let curve = run.curve.erased_mut();
         curve.step_to([0.0, 0.1], [0.0, 1.0]);
-        let shape = Shape::of(&curve.here, &curve.next, 0.1, curve.options.min_cos).unwrap();
+        let shape = Shape::of(&curve.here, &curve.next, 0.1, curve.setup.options.min_cos).unwrap();
         assert!(!shape.is_doubtful(0.0, 5, || 0.0));
         assert!(shape.is_doubtful(0.0, 6, || 0.0));
     }
@@ -266,7 +253,7 @@ mod tests {
         let mut run = map.curve(0.0, 0.0);
         let curve = run.curve.erased_mut();
         curve.step_to([0.0, 0.1], [0.0, 1.0]);
-        let shape = Shape::of(&curve.here, &curve.next, 0.1, curve.options.min_cos).unwrap();
+        let shape = Shape::of(&curve.here, &curve.next, 0.1, curve.setup.options.min_cos).unwrap();
         let own = curve.here.orientation.unwrap();
         assert!(curve.holds_halfway(&shape).unwrap());
         curve.here.orientation = Some(-own);

@@ -28,22 +28,22 @@ struct Accepted {
 impl Curve<'_> {
     pub(super) fn next_event(&mut self) -> Option<Result<Event, ContinuationError>> {
         loop {
-            if let Some(event) = self.queue.pop_front() {
+            if let Some(event) = self.told.queue.pop_front() {
                 return Some(Ok(event));
             }
-            if self.termination.is_none() {
+            if self.told.termination.is_none() {
                 self.limits();
             }
-            if self.termination.is_some() {
+            if self.told.termination.is_some() {
                 return None;
             }
-            let stepped = match self.options.strategy {
+            let stepped = match self.setup.options.strategy {
                 Strategy::Located if self.map.is_piecewise_affine() => self.step_affine(),
                 Strategy::Located => self.step(),
                 Strategy::Switching => self.switching_step(),
             };
             if let Err(e) = stepped {
-                self.termination = Some(Termination::Interrupted);
+                self.told.termination = Some(Termination::Interrupted);
                 return Some(Err(e));
             }
         }
@@ -66,17 +66,17 @@ impl Curve<'_> {
     fn step(&mut self) -> Result<(), ContinuationError> {
         // With the factors at hand.
         self.find_heading()?;
-        let room = self.options.max_arclength - self.arclength;
-        let mut limit = self.options.max_step;
+        let room = self.setup.options.max_arclength - self.path.arclength;
+        let mut limit = self.setup.options.max_step;
         if room > 0.0 {
-            limit = limit.min(room.max(self.options.min_step));
+            limit = limit.min(room.max(self.setup.options.min_step));
         }
-        let mut h = self.h.min(limit);
+        let mut h = self.path.h.min(limit);
         let longest = h;
         let leaves_singular = self.here.decline.is_none();
         if leaves_singular {
             // No estimate ahead is available.
-            h = (FIRST * h).max(self.options.min_step);
+            h = (FIRST * h).max(self.setup.options.min_step);
         }
         // Next to a singular point rounding does not tell arms apart: the first step ends where it does.
         let probe = std::mem::take(&mut self.here.probe);
@@ -85,11 +85,11 @@ impl Curve<'_> {
         h = ahead.unwrap_or(h);
         let (mut rejected, mut crossing) = (0, false);
         loop {
-            if h < self.options.min_step {
+            if h < self.setup.options.min_step {
                 if let Some(event) = self.event_at_branch_point(longest)? {
                     return self.arrive(Some(event), 0);
                 }
-                self.termination = Some(if crossing {
+                self.told.termination = Some(if crossing {
                     Termination::UnresolvedCrossing
                 } else {
                     Termination::StepTooSmall
@@ -103,16 +103,16 @@ impl Curve<'_> {
             {
                 match self.event_inside()? {
                     Ok(first) => {
-                        self.h = if rejected > 0 || corrections > EASY {
+                        self.path.h = if rejected > 0 || corrections > EASY {
                             h
                         } else if leaves_singular {
                             longest.max(h)
                         } else {
-                            (h * self.options.growth).min(self.options.max_step)
+                            (h * self.setup.options.growth).min(self.setup.options.max_step)
                         };
-                        self.curvature = curvature;
-                        self.creeping = if rejected > 0 {
-                            self.creeping.saturating_add(1)
+                        self.path.curvature = curvature;
+                        self.path.creeping = if rejected > 0 {
+                            self.path.creeping.saturating_add(1)
                         } else {
                             0
                         };
@@ -122,17 +122,17 @@ impl Curve<'_> {
                     Err(unresolved) => crossing = unresolved == Unresolved::Crossing,
                 }
             }
-            if (rejected >= REJECTED || self.creeping >= REJECTED)
+            if (rejected >= REJECTED || self.path.creeping >= REJECTED)
                 && let Some(event) = self.event_at_branch_point(longest)?
             {
-                self.creeping = 0;
+                self.path.creeping = 0;
                 return self.arrive(Some(event), 0);
             }
             ahead = None;
-            h *= self.options.shrink;
+            h *= self.setup.options.shrink;
             rejected += 1;
-            self.termination = self.is_over();
-            if self.termination.is_some() {
+            self.told.termination = self.setup.is_over();
+            if self.told.termination.is_some() {
                 return Ok(());
             }
         }

@@ -6,7 +6,10 @@
 use crate::continuation::engine::Curve;
 use crate::continuation::error::if_converged;
 use crate::continuation::event::turn::kind;
-use crate::continuation::{ContinuationError, Event, PointKind, StepRule, Termination, Transition};
+use crate::continuation::point::Arms;
+use crate::continuation::{
+    Arm, ContinuationError, Event, PointKind, SiteChange, StepRule, Termination, Transition,
+};
 use crate::newton::Correction;
 use crate::piecewise::{
     ActiveSet, PiecewiseSmooth, PiecewiseSmoothExt, Selection, TestLayout, Vanishing, select_pieces,
@@ -27,20 +30,20 @@ impl Curve<'_> {
     /// Steps 2 to 7: predict, correct with the selection of the active set at each iterate, halve on failure; a new selection
     /// once the smallest step fails.
     pub(in crate::continuation) fn switching_step(&mut self) -> Result<(), ContinuationError> {
-        let mut h = self.h.min(self.options.max_step);
+        let mut h = self.path.h.min(self.setup.options.max_step);
         let mut halved = false;
         loop {
             if let Some(found) = self.try_switching(h)? {
-                self.h = self.next_length(h, halved, found.rate);
+                self.path.h = self.next_length(h, halved, found.rate);
                 return self.arrive_switching(found.iterations);
             }
-            if h <= self.options.min_step {
+            if h <= self.setup.options.min_step {
                 return self.new_selection();
             }
-            h = (h * self.options.shrink).max(self.options.min_step);
+            h = (h * self.setup.options.shrink).max(self.setup.options.min_step);
             halved = true;
-            self.termination = self.is_over();
-            if self.termination.is_some() {
+            self.told.termination = self.setup.is_over();
+            if self.told.termination.is_some() {
                 return Ok(());
             }
         }
@@ -49,7 +52,7 @@ impl Curve<'_> {
     /// Step 7: the length of the next step after one of length h, for which the corrections converged at the
     /// given rate.
     fn next_length(&self, h: f64, halved: bool, rate: f64) -> f64 {
-        let options = &self.options;
+        let options = &self.setup.options;
         let most = if halved { 1.0 } else { options.growth };
         let factor = match options.step_rule {
             StepRule::Growth => most,
@@ -59,32 +62,28 @@ impl Curve<'_> {
     }
 
     fn try_switching(&mut self, h: f64) -> Result<Option<Correction>, ContinuationError> {
-        for i in 0..self.here.x.len() {
-            self.next.x[i] = self.here.x[i] + h * self.here.t[i];
-        }
-        self.next.t.copy_from_slice(&self.here.t);
-        let mut selection = self.selection.clone();
-        let (map, layout) = (&self.map, &self.layout);
+        self.next.predict(&self.here, h);
+        let mut selection = self.path.selection.clone();
+        let (map, layout) = (&self.map, &self.setup.layout);
         let theta = &mut self.next.theta;
         let choose = |x: &[f64], selection: &mut Selection| {
             natural(map, layout, x, theta, selection);
         };
-        let tolerances = (self.options.residual_tolerance, self.options.step_tolerance);
-        let corrected = self.corrector.correct(
-            &self.map,
-            &mut selection,
-            choose,
+        let tolerances = (
+            self.setup.options.residual_tolerance,
+            self.setup.options.step_tolerance,
+        );
+        let (x, t, most) = (
             &mut self.next.x,
             &mut self.next.t,
-            tolerances,
-            self.options.max_corrections,
+            self.setup.options.max_corrections,
         );
+        let corrected = (self.corrector).correct(map, &mut selection, choose, x, t, tolerances, most);
         let Some((correction, at)) = if_converged(corrected)? else {
             return Ok(None);
         };
         self.next.residual_norm = correction.residual_norm;
-        self.next.orientation = at.orientation(&self.next.t);
-        self.next.det_sign = at.det_sign();
+        self.next.take_signs(Some(&at));
         Ok(self.accepts(&selection, h).then_some(correction))
     }
 
@@ -92,23 +91,24 @@ impl Curve<'_> {
     /// `here` is beyond a fold or on another branch, and a selection that is not active at `next` was left at a kink.
     fn accepts(&mut self, selection: &Selection, h: f64) -> bool {
         let (here, next) = (&self.here, &self.next);
-        if dot(&here.t, &next.t) < self.options.min_cos || distance(&here.x, &next.x) > FARTHEST * h {
+        if dot(&here.t, &next.t) < self.setup.options.min_cos || distance(&here.x, &next.x) > FARTHEST * h {
             return false;
         }
-        if *selection == self.selection {
+        if *selection == self.path.selection {
             return true;
         }
-        self.map.residual(&self.selection, &next.x, &mut self.residual);
-        norm(&self.residual) < self.options.residual_tolerance
+        self.map
+            .residual(&self.path.selection, &next.x, &mut self.buffers.residual);
+        norm(&self.buffers.residual) < self.setup.options.residual_tolerance
     }
 
     fn arrive_switching(&mut self, corrections: usize) -> Result<(), ContinuationError> {
-        self.arclength += distance(&self.here.x, &self.next.x);
+        self.path.arclength += distance(&self.here.x, &self.next.x);
         std::mem::swap(&mut self.here, &mut self.next);
         let alpha = self.here.x[self.here.x.len() - 1];
-        let (lower, upper) = self.options.parameter_range;
+        let (lower, upper) = self.setup.options.parameter_range;
         if alpha < lower || alpha > upper {
-            self.termination = Some(Termination::ParameterRange);
+            self.told.termination = Some(Termination::ParameterRange);
         }
         let point = self.point_here(PointKind::Step, corrections);
         self.emit(Event::Point(point));
@@ -118,19 +118,20 @@ impl Curve<'_> {
     /// Step 6: the test functions that vanish within a few smallest steps along τ give the candidate selections; the tangent
     /// preserves the orientation det [∇H; τᵀ]; a step of length zero corrects the point for the new selection.
     fn new_selection(&mut self) -> Result<(), ContinuationError> {
-        let mut rates = vec![0.0; self.layout.total()];
-        self.map
-            .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut rates);
-        let reach = REACH * self.options.min_step;
+        let rates = self.rates_at(&self.here);
+        let reach = REACH * self.setup.options.min_step;
         let vanishing: Vec<Vanishing> = (0..rates.len())
             .filter(|&k| self.here.theta[k].abs() <= reach * rates[k].abs())
-            .map(|k| Vanishing::new(&self.map, &self.layout, &self.selection, k, &self.here.x))
+            .map(|k| self.test_here(k))
             .collect();
         let indices = vanishing.iter().map(|v| v.index).collect();
-        let active = ActiveSet::from_tests(&self.map, &self.layout, &self.here.theta, indices);
-        let before = self.selection.clone();
+        let active = ActiveSet::from_tests(&self.map, &self.setup.layout, &self.here.theta, indices);
+        let before = self.path.selection.clone();
         let (arrival, oriented) = (self.here.t.clone(), self.here.orientation);
-        for selection in active.selections().take(self.options.max_selections as usize) {
+        for selection in active
+            .selections()
+            .take(self.setup.options.max_selections as usize)
+        {
             if selection == before {
                 continue;
             }
@@ -145,7 +146,7 @@ impl Curve<'_> {
             };
             tangent.iter_mut().for_each(|t| *t *= sign);
             let enters = vanishing.iter().all(|v| {
-                let v = v.of_selection(&self.map, &self.layout, &selection, &x);
+                let v = v.of_selection(&self.map, &self.setup.layout, &selection, &x);
                 let cell = self.map.cell(v.site, selection.piece(v.site));
                 cell.iter()
                     .filter(|f| f.test() == v.test)
@@ -155,37 +156,33 @@ impl Curve<'_> {
                 continue;
             }
             self.emit_switch(&vanishing, &before, &selection, &tangent);
-            self.selection.copy_from(&selection);
+            self.path.selection.copy_from(&selection);
             self.here.t = tangent;
             self.recorrect()?;
             // The renewed correction is a step of length zero that was not halved.
-            self.h = (self.options.step * self.options.growth).min(self.options.max_step);
+            self.path.h =
+                (self.setup.options.step * self.setup.options.growth).min(self.setup.options.max_step);
             return Ok(());
         }
-        self.termination = Some(Termination::End);
+        self.told.termination = Some(Termination::End);
         Ok(())
     }
 
     fn recorrect(&mut self) -> Result<(), ContinuationError> {
-        let mut frozen = self.selection.clone();
-        let tolerances = (self.options.residual_tolerance, self.options.step_tolerance);
+        let mut frozen = self.path.selection.clone();
+        let tolerances = (
+            self.setup.options.residual_tolerance,
+            self.setup.options.step_tolerance,
+        );
         let mut x = self.here.x.clone();
         let mut t = self.here.t.clone();
-        let corrected = self.corrector.correct(
-            &self.map,
-            &mut frozen,
-            |_, _| {},
-            &mut x,
-            &mut t,
-            tolerances,
-            self.options.max_corrections,
-        );
+        let (map, most) = (&self.map, self.setup.options.max_corrections);
+        let corrected =
+            (self.corrector).correct(map, &mut frozen, |_, _| {}, &mut x, &mut t, tolerances, most);
         if let Some((c, at)) = if_converged(corrected)? {
             self.here.residual_norm = c.residual_norm;
-            self.here.orientation = at.orientation(&t);
-            self.here.det_sign = at.det_sign();
-            self.here.x = x;
-            self.here.t = t;
+            (self.here.x, self.here.t) = (x, t);
+            self.here.take_signs(Some(&at));
             self.map.test_functions(&self.here.x, &mut self.here.theta);
         }
         Ok(())
@@ -202,25 +199,22 @@ impl Curve<'_> {
         self.map.residual(before, &self.here.x, &mut r);
         let sites = before
             .differing_sites(after)
-            .map(|site| crate::continuation::SiteChange {
+            .map(|site| SiteChange {
                 site,
                 from: before.piece(site),
                 to: after.piece(site),
             })
             .collect();
-        let arm = crate::continuation::Arm::along(after.clone(), tangent.to_vec(), Vec::new(), None);
-        let mut arms = crate::continuation::point::Arms {
-            list: vec![arm],
-            complete: false,
-            ..Default::default()
-        };
+        let mut arms = Arms::default();
+        (arms.list).push(Arm::along(after.clone(), tangent.to_vec(), Vec::new(), None));
         // The point, and so the tangent, is known to a few smallest steps only.
         let sign = |t: &[f64]| match t.last() {
-            Some(rate) if rate.abs() > REACH * self.options.min_step => rate.signum() as i8,
+            Some(rate) if rate.abs() > REACH * self.setup.options.min_step => rate.signum() as i8,
             _ => 0,
         };
         arms.list[0].direction = sign(tangent);
         let kind = kind(sign(&self.here.t), arms.list.first(), &arms);
+        let back = self.here.t.iter().map(|t| -t).collect();
         let record = Transition {
             x: self.here.x.clone(),
             tangent_before: self.here.t.clone(),
@@ -232,17 +226,12 @@ impl Curve<'_> {
             vanishing: vanishing.iter().map(|v| v.index).collect(),
             kind,
             arms: arms.list,
-            arrival: crate::continuation::Arm::along(
-                before.clone(),
-                self.here.t.iter().map(|t| -t).collect(),
-                Vec::new(),
-                self.here.det_sign,
-            ),
+            arrival: Arm::along(before.clone(), back, Vec::new(), self.here.det_sign),
             followed: Some(0),
             complete: false,
             det_sign: None,
             residual_norm: norm(&r),
-            arclength: self.arclength,
+            arclength: self.path.arclength,
         };
         self.emit(Event::Transition(record));
     }

@@ -294,14 +294,8 @@ impl<P: PiecewiseSmooth> Derivatives for FoldSet<P> {
     fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
         let mut own = vec![0.0; self.family.num_vars()];
         let index = self.layout.range(site).start + test;
-        gradient_of(
-            &self.family,
-            &self.layout,
-            &self.selection,
-            index,
-            &self.family_point(x),
-            &mut own,
-        );
+        let (layout, selection, x) = (&self.layout, &self.selection, self.family_point(x));
+        gradient_of(&self.family, layout, selection, index, &x, &mut own);
         gradient.fill(0.0);
         for (j, g) in own.into_iter().enumerate() {
             gradient[self.column(j)] = g;

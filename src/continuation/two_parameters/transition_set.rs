@@ -291,14 +291,8 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for TransitionSet<P> {
         }
         jac.add_block(0, 0, 1.0, &own);
         let mut gradient = vec![0.0; x.len()];
-        gradient_of(
-            &self.family,
-            &self.layout,
-            &selection,
-            self.index(),
-            x,
-            &mut gradient,
-        );
+        let (layout, index) = (&self.layout, self.index());
+        gradient_of(&self.family, layout, &selection, index, x, &mut gradient);
         for (j, g) in gradient.into_iter().enumerate() {
             jac.add(n, j, g);
         }

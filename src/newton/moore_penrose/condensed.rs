@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Held, MoorePenrose};
+use super::{Held, Linearisation, MoorePenrose};
 use crate::linear::{Bordered, CondensedRows, HierarchicalLu, LinearError, LinearSolver, RowUpdates};
 use crate::piecewise::{CondensedJacobian, CondensedRoom, PiecewiseError, PiecewiseSmooth, Selection};
 
@@ -70,20 +70,6 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(true)
     }
 
-    /// Adds Σⱼ |∇H_ij| sⱼ to each entry of `out`, for the linearisation held.
-    pub(super) fn add_term_sizes(&mut self, map: &dyn PiecewiseSmooth, sizes: &[f64], out: &mut [f64]) {
-        let hierarchical = self.held == Held::Updates && self.condensed.in_use();
-        let CondensedSystem { rows, room, .. } = &mut self.condensed;
-        match map
-            .structure()
-            .and_then(|own| own.condensed())
-            .filter(|_| hierarchical)
-        {
-            Some(of) => CondensedJacobian { of, rows, room }.add_term_sizes(sizes, out),
-            None => self.jac.as_ref().add_term_sizes(sizes, out),
-        }
-    }
-
     /// Changes to `selection` from the stored one, from which it differs in the rows noted.
     pub(super) fn update_condensed(
         &mut self,
@@ -115,5 +101,22 @@ impl<L: LinearSolver> MoorePenrose<L> {
             Err(e) => return Err(e.into()),
         }
         Ok(self.updated.is_some())
+    }
+}
+
+impl<L: LinearSolver> Linearisation<'_, L> {
+    /// Adds Σⱼ |∇H_ij| sⱼ to each entry of `out`.
+    pub(crate) fn add_term_sizes(&mut self, map: &dyn PiecewiseSmooth, sizes: &[f64], out: &mut [f64]) {
+        let held = &mut *self.held;
+        let hierarchical = held.held == Held::Updates && held.condensed.in_use();
+        let CondensedSystem { rows, room, .. } = &mut held.condensed;
+        match map
+            .structure()
+            .and_then(|own| own.condensed())
+            .filter(|_| hierarchical)
+        {
+            Some(of) => CondensedJacobian { of, rows, room }.add_term_sizes(sizes, out),
+            None => held.jac.as_ref().add_term_sizes(sizes, out),
+        }
     }
 }

@@ -76,12 +76,12 @@ impl<L: LinearSolver> MoorePenrose<L> {
         let (mut steps, mut before) = (0_usize, 0);
         let mut taken = 0;
         if max_iterations == 0 {
-            self.assemble_and_factor(map, selection, x, Some(t))?;
+            self.factorise(map, selection, x, Some(t))?;
         }
         let (mut chord, mut met) = (false, false);
         while met || outcome.iterations < max_iterations {
             if !chord {
-                self.assemble_and_factor(map, selection, x, Some(t))?;
+                self.factorise(map, selection, x, Some(t))?;
                 (before, steps) = (outcome.iterations, 0);
             }
             self.bordered.solve(&self.r, t, 0.0, &mut self.dx)?;
@@ -224,7 +224,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
                 .sum::<f64>()
                 - s;
             if !chord {
-                self.assemble_and_factor(map, selection, x, Some(normal))?;
+                self.factorise(map, selection, x, Some(normal))?;
             }
             self.bordered.solve(&self.r, normal, offset, &mut self.dx)?;
             // Steps that are rounding errors carry no information on the Jacobian.

@@ -1,7 +1,7 @@
 use super::{Correction, Held, MoorePenrose};
 use crate::input::check_length;
 use crate::linear::{LinearError, LinearSolver};
-use crate::piecewise::{PiecewiseSmooth, Selection};
+use crate::piecewise::Selection;
 use crate::sparse::Matrix;
 
 /// The factored Jacobian ∇H^(σ) (n rows, n + 1 columns) of a selection at a point of a curve, its tangent and what its determinants tell.
@@ -10,22 +10,15 @@ use crate::sparse::Matrix;
 /// linearisation is in use.
 ///
 /// ```
-/// use semismooth::linear::AutoSolver;
-/// use semismooth::newton::MoorePenrose;
-/// use semismooth::piecewise::{MinMap, Selection};
+/// use semismooth::{linear::AutoSolver, newton::MoorePenrose, piecewise::{MinMap, Selection}};
 /// // y² = α, as the first piece of min(y² − α, 9).
 /// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
 ///     (a[0], b[0]) = (x[0] * x[0] - x[1], 9.0);
 /// });
 /// let mut corrector = MoorePenrose::new(&map, AutoSolver::new())?;
-/// let first = Selection::uniform(1, 0);
-/// let mut at = corrector.linearize(&map, &first, &[1.0, 1.0], None)?;
-/// assert_eq!((at.selection(), at.point()), (&first, Some(&[1.0, 1.0][..])));
-/// assert!((at.tangent()[1] / at.tangent()[0] - 2.0).abs() < 1e-6); // dα/dy = 2 y
-/// assert_eq!(at.det_sign(), Some(1)); // ∂H/∂y = 2 y
-/// assert_eq!(at.orientation(&[0.0, -1.0]), Some(-1));
-/// // y moves by 1/(2 y) where H changes by 1 at fixed α.
-/// let mut moved = [0.0; 2];
+/// let mut at = corrector.linearize(&map, &Selection::uniform(1, 0), &[1.0, 1.0], None)?;
+/// assert_eq!((at.det_sign(), at.orientation(&[0.0, -1.0])), (Some(1), Some(-1))); // ∂H/∂y = 2
+/// let mut moved = [0.0; 2]; // where H changes by 1 at fixed α
 /// at.solve(&[1.0], &[0.0, 1.0], &mut moved)?;
 /// assert!((moved[0] - 0.5).abs() < 1e-6 && moved[1].abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -46,8 +39,8 @@ impl<'c, L: LinearSolver> Linearisation<'c, L> {
         &self.held.selection
     }
 
-    /// The point whose Jacobian is factored (length n + 1). `None` for affine pieces, where it is the same at every point, and after chord
-    /// steps, which leave the factors of a point nearby.
+    /// The point whose Jacobian is factored (length n + 1). `None` where [`linearize`](MoorePenrose::linearize) found an affine piece, whose
+    /// Jacobian is the same at every point, and after chord steps, which leave the factors of a point nearby.
     #[must_use]
     pub fn point(&self) -> Option<&[f64]> {
         (self.held.held == Held::Point).then_some(self.held.point.as_slice())
@@ -78,13 +71,9 @@ impl<'c, L: LinearSolver> Linearisation<'c, L> {
     pub fn det_sign(&self) -> Option<i8> {
         match self.held.at_hand() {
             Some(updated) => {
-                let last = updated.tangent().last().copied().unwrap_or(0.0);
+                let rate = updated.tangent().last().copied().filter(|rate| *rate != 0.0);
                 let sign = updated.orientation(updated.tangent());
-                Some(if last == 0.0 {
-                    0
-                } else {
-                    sign * last.signum() as i8
-                })
+                Some(rate.map_or(0, |rate| sign * rate.signum() as i8))
             }
             None => self.held.bordered.det_sign(),
         }
@@ -123,21 +112,13 @@ impl<'c, L: LinearSolver> Linearisation<'c, L> {
 
     /// ∇H dx = r with dx normal to t, for the vectors of the corrector.
     pub(in crate::newton) fn solve_across(&mut self, t: &[f64]) -> Result<(), LinearError> {
-        let MoorePenrose {
-            bordered,
-            updated,
-            condensed,
-            r,
-            dx,
-            held,
-            ..
-        } = &mut *self.held;
-        match updated {
-            Some((_, updated)) if *held == Held::Updates => match condensed.base() {
-                Some(base) => updated.solve_across(r, t, dx, base),
-                None => updated.solve_across(r, t, dx, bordered),
+        let held = &mut *self.held;
+        match &mut held.updated {
+            Some((_, updated)) if held.held == Held::Updates => match held.condensed.base() {
+                Some(base) => updated.solve_across(&held.r, t, &mut held.dx, base),
+                None => updated.solve_across(&held.r, t, &mut held.dx, &mut held.bordered),
             },
-            _ => bordered.solve(r, t, 0.0, dx),
+            _ => held.bordered.solve(&held.r, t, 0.0, &mut held.dx),
         }
     }
 
@@ -146,11 +127,6 @@ impl<'c, L: LinearSolver> Linearisation<'c, L> {
         let replaced = self.held.held == Held::Updates;
         let solved = (!replaced).then(|| self.held.bordered.solve_transpose(g, t, y))?;
         solved.ok().map(drop)
-    }
-
-    /// Adds Σⱼ |∇H_ij| sⱼ to each entry of `out`.
-    pub(crate) fn add_term_sizes(&mut self, map: &dyn PiecewiseSmooth, sizes: &[f64], out: &mut [f64]) {
-        self.held.add_term_sizes(map, sizes, out);
     }
 }
 
