@@ -128,22 +128,31 @@ impl Setup<'_> {
     }
 }
 
-/// How the curve goes on from the point at which it is.
+/// The piece on which the curve goes on.
+#[derive(Default)]
 pub(super) struct Path {
     pub(super) selection: Selection,
     /// Test functions in whose zero set the curve runs.
     pub(super) grazing: Vec<Vanishing>,
     /// Selections co-active on a grazing curve, with their orientations at the point, as far as known.
     pub(super) coactive: Vec<(Selection, Option<i8>)>,
+}
+
+/// How far the curve has come, and how fast it goes on.
+#[derive(Default)]
+pub(super) struct Pace {
     pub(super) arclength: f64,
     pub(super) h: f64,
     /// Curvature of the last steps: turn of the tangent over length, decaying where the curve straightens.
     pub(super) curvature: f64,
     /// Number of steps in a row that had to be shortened.
     pub(super) creeping: usize,
-    /// Size of the terms of H for affine pieces; for curved ones that of each row.
-    pub(super) residual_scale: f64,
-    pub(super) row_sizes: Vec<f64>,
+}
+
+/// By what residuals and ∇H are measured: the size of the terms of H for affine pieces, for curved ones that of each row.
+pub(super) struct Scale {
+    pub(super) terms: f64,
+    pub(super) rows: Vec<f64>,
     pub(super) regularity: Regularity,
 }
 
@@ -177,6 +186,8 @@ pub(super) struct Curve<'a, M: ?Sized = dyn ScaledMap + 'a> {
     /// The end of the step that is being tried; once it has been made, its start.
     pub(super) next: State,
     pub(super) path: Path,
+    pub(super) pace: Pace,
+    pub(super) scale: Scale,
     pub(super) monitors: Monitors<'a>,
     pub(super) told: Told,
     pub(super) buffers: Buffers,
@@ -194,6 +205,8 @@ impl<'a, M> Curve<'a, Scaled<M>> {
             here: self.here,
             next: self.next,
             path: self.path,
+            pace: self.pace,
+            scale: self.scale,
             monitors: self.monitors,
             told: self.told,
             buffers: self.buffers,
@@ -318,7 +331,7 @@ impl<'a> Curve<'a> {
             tangent: self.here.t.clone(),
             selection: self.path.selection.clone(),
             grazing,
-            arclength: self.path.arclength,
+            arclength: self.pace.arclength,
             residual_norm: self.here.residual_norm,
             det_sign: self.det_sign_here(),
             corrections,
@@ -343,7 +356,7 @@ impl<'a> Curve<'a> {
         let over = self.setup.is_over();
         let reason = if self.told.points >= self.setup.options.max_points {
             Termination::PointLimit
-        } else if self.path.arclength >= self.setup.options.max_arclength {
+        } else if self.pace.arclength >= self.setup.options.max_arclength {
             Termination::ArclengthLimit
         } else if norm(&self.here.x) > self.setup.options.max_growth * self.setup.size {
             Termination::Unbounded
@@ -363,7 +376,7 @@ impl fmt::Debug for Curve<'_> {
         f.debug_struct("Continuation")
             .field("x", &x)
             .field("selection", &self.path.selection)
-            .field("arclength", &(self.path.arclength * self.map.parameter_size()))
+            .field("arclength", &(self.pace.arclength * self.map.parameter_size()))
             .field("points", &self.told.points)
             .field("termination", &self.told.termination)
             .field("options", &self.setup.options)

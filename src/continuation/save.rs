@@ -210,15 +210,15 @@ impl Curve<'_> {
             here: self.here.clone(),
             grazing: self.path.grazing.clone(),
             coactive: self.path.coactive.clone(),
-            arclength: self.path.arclength,
-            step: self.path.h,
+            arclength: self.pace.arclength,
+            step: self.pace.h,
             size: self.setup.size,
-            residual_scale: self.path.residual_scale,
-            row_sizes: self.path.row_sizes.clone(),
-            curvature: self.path.curvature,
-            probe: self.path.regularity.probe.clone(),
+            residual_scale: self.scale.terms,
+            row_sizes: self.scale.rows.clone(),
+            curvature: self.pace.curvature,
+            probe: self.scale.regularity.probe.clone(),
             points: self.told.points,
-            creeping: self.path.creeping,
+            creeping: self.pace.creeping,
             queue: self.told.queue.iter().cloned().collect(),
             termination: self.told.termination,
             start: self.setup.start.clone(),
@@ -240,17 +240,17 @@ impl Curve<'_> {
         self.next = saved.here.clone();
         self.path.grazing.clone_from(&saved.grazing);
         self.path.coactive.clone_from(&saved.coactive);
-        self.path.arclength = saved.arclength;
-        self.path.h = saved.step;
+        self.pace.arclength = saved.arclength;
+        self.pace.h = saved.step;
         self.setup.size = saved.size;
-        self.path.residual_scale = saved.residual_scale;
-        self.path.row_sizes.clone_from(&saved.row_sizes);
-        self.path.curvature = saved.curvature;
+        self.scale.terms = saved.residual_scale;
+        self.scale.rows.clone_from(&saved.row_sizes);
+        self.pace.curvature = saved.curvature;
         if !saved.probe.is_empty() {
-            self.path.regularity.probe.clone_from(&saved.probe);
+            self.scale.regularity.probe.clone_from(&saved.probe);
         }
         self.told.points = saved.points;
-        self.path.creeping = saved.creeping;
+        self.pace.creeping = saved.creeping;
         self.told.queue = saved.queue.iter().cloned().collect();
         self.told.termination = saved.termination;
         self.setup.start.clone_from(&saved.start);

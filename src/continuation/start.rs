@@ -1,6 +1,6 @@
 //! The first point and the first direction of a curve, from the user's start.
 
-use super::engine::{Buffers, Curve, Path, Setup, Solver, State, Told, term_size};
+use super::engine::{Buffers, Curve, Pace, Path, Scale, Setup, Solver, State, Told, term_size};
 use super::error::{if_converged, if_solved};
 use super::event::monitor::Monitors;
 use super::point::{Arms, PointDoubt};
@@ -410,14 +410,15 @@ pub(super) fn prepare_at<'a, 'b>(
     Ok(Curve {
         path: Path {
             selection: select(&map, &x),
-            grazing: Vec::new(),
-            coactive: Vec::new(),
-            arclength: 0.0,
+            ..Path::default()
+        },
+        pace: Pace {
             h: options.step.min(options.max_step),
-            curvature: 0.0,
-            creeping: 0,
-            residual_scale: 0.0,
-            row_sizes: Vec::new(),
+            ..Pace::default()
+        },
+        scale: Scale {
+            terms: 0.0,
+            rows: Vec::new(),
             regularity: Regularity::new(n),
         },
         setup: Setup {

@@ -75,11 +75,11 @@ impl Curve<'_> {
         let (map, affine) = (&self.map, self.map.is_piecewise_affine());
         if !affine {
             // At a branch point ∇H may be zero: the terms of H a step ahead count, too.
-            let ahead = self.here.ahead(self.path.h);
+            let ahead = self.here.ahead(self.pace.h);
             for place in [&ahead, x] {
                 let jac = self.corrector.jacobian_at(&map, &self.path.selection, place)?;
                 let tolerance = self.setup.options.residual_tolerance;
-                row_sizes(jac, x, (self.path.h, t), tolerance, &mut self.path.row_sizes);
+                row_sizes(jac, x, (self.pace.h, t), tolerance, &mut self.scale.rows);
             }
         }
         if !affine || self.told.points == 0 {
@@ -91,10 +91,10 @@ impl Curve<'_> {
         self.here.decline = None;
         let signs = at.as_ref().map(|at| (at.orientation(t), at.det_sign()));
         (self.here.orientation, self.here.det_sign) = signs.unwrap_or_default();
-        if affine && self.path.residual_scale == 0.0 {
+        if affine && self.scale.terms == 0.0 {
             // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more than the step.
             let sizes: Vec<f64> = (x.iter().zip(t))
-                .map(|(x, t)| x.abs() + self.path.h * t.abs())
+                .map(|(x, t)| x.abs() + self.pace.h * t.abs())
                 .collect();
             let mut sums = vec![0.0; map.num_residuals()];
             match at {
@@ -104,10 +104,10 @@ impl Curve<'_> {
                     jac.as_ref().add_term_sizes(&sizes, &mut sums);
                 }
             }
-            self.path.residual_scale = norm(&sums);
+            self.scale.terms = norm(&sums);
         } else if let Some(at) = at.filter(|_| !affine) {
             let (decline, _) =
-                (self.path.regularity).decline(at, map, &self.path.row_sizes, &self.here, self.path.h)?;
+                (self.scale.regularity).decline(at, map, &self.scale.rows, &self.here, self.pace.h)?;
             self.here.decline = Some(decline);
         }
         Ok(())

@@ -146,9 +146,7 @@ impl Curve<'_> {
         let drop = if gb.is_finite() { (ga - gb).abs() } else { ga };
         let slope = drop / (b - a).max(f64::MIN_POSITIVE);
         let mut best: Option<(f64, State)> = None;
-        if let Some(misses) = &mut misses {
-            misses.rounding = None;
-        }
+        misses.iter_mut().for_each(|m| m.rounding = None);
         for _ in 0..HALVINGS {
             let mut s = if gb < ga {
                 a + (b - a) * ga / (ga - gb)
@@ -242,17 +240,8 @@ impl Curve<'_> {
         dot(&self.here.t, &self.next.t).max(0.1)
     }
 
-    /// The point of the curve at distance `s` along the tangent at `here`; the guess interpolates between `here` and `high`.
-    pub(in crate::continuation) fn state_at(
-        &mut self,
-        s: f64,
-        high: &State,
-        state: &mut State,
-    ) -> Result<bool, ContinuationError> {
-        self.find_state(s, high, state, Find::Tangent)
-    }
-
-    /// [`state_at`](Self::state_at), with what else is wanted.
+    /// The point of the curve at distance `s` along the tangent at `here`, with what is wanted of it; the guess interpolates between `here`
+    /// and `high`.
     pub(super) fn find_state(
         &mut self,
         s: f64,
@@ -288,7 +277,7 @@ impl Curve<'_> {
         match find {
             Find::Tangent => {}
             Find::Decline(h) => {
-                let (decline, _) = (self.path.regularity).decline(at, map, &self.path.row_sizes, state, h)?;
+                let (decline, _) = (self.scale.regularity).decline(at, map, &self.scale.rows, state, h)?;
                 state.decline = Some(decline);
             }
             Find::Chords(misses) => {
@@ -320,7 +309,7 @@ impl Curve<'_> {
                 }
                 state.take_signs(Some(&at));
                 let (decline, _) =
-                    (self.path.regularity).decline(at, map, &self.path.row_sizes, state, state.s)?;
+                    (self.scale.regularity).decline(at, map, &self.scale.rows, state, state.s)?;
                 state.decline = Some(decline);
             }
             None => {

@@ -136,7 +136,7 @@ impl<'a> Curve<'a> {
     /// Whether monitor k has a zero at x, where the curve arrives and leaves with the given tangents after a step of the given length.
     fn zero_at(&self, k: usize, x: &[f64], [arrival, departure]: [&[f64]; 2], step: f64) -> Option<Zero> {
         // At events that follow at once the step has no length.
-        let step = step.max(self.path.h);
+        let step = step.max(self.pace.h);
         let near = self.width(x, step);
         let around = [
             self.side_of(k, x),

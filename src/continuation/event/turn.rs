@@ -270,7 +270,7 @@ impl Curve<'_> {
             complete: arms.complete,
             det_sign: None,
             residual_norm: self.here.residual_norm,
-            arclength: self.path.arclength,
+            arclength: self.pace.arclength,
         }
     }
 

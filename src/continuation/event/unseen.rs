@@ -1,5 +1,6 @@
 //! What a step may have passed twice, so that both of its ends are on the same side: the least value of a monitor between them decides.
 
+use super::locate::Find;
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
@@ -74,7 +75,7 @@ impl Curve<'_> {
             let place = place.filter(|_| !halve).map_or(0.5, |p| p.0);
             let s = a.s + length * place;
             let s = if s > a.s && s < b.s { s } else { a.s + 0.5 * length };
-            if !self.state_at(s, &high, &mut state)? {
+            if !self.find_state(s, &high, &mut state, Find::Tangent)? {
                 return Ok(Err(Unresolved::Event));
             }
             let Some(sample) = self.sample(monitor, &state, s)? else {

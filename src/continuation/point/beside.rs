@@ -51,7 +51,7 @@ impl Curve<'_> {
         self.path.selection.copy_from(&arm.selection);
         self.here.t.copy_from_slice(&arm.tangent);
         self.emit_start();
-        self.path.arclength = distance(&self.here.x, &beside);
+        self.pace.arclength = distance(&self.here.x, &beside);
         self.here.x = beside;
         (self.map).tests_of_selection(&self.path.selection, &self.here.x, None, &mut self.here.theta);
         self.adopt(arm, &[])?;

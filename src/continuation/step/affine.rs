@@ -120,7 +120,7 @@ impl Curve<'_> {
 
     /// Largest distance along the tangent: to the limit on arclength, or to the bound on ‖x‖; and whether it is the former.
     fn farthest(&self) -> (f64, bool) {
-        let room = (self.setup.options.max_arclength - self.path.arclength).max(0.0);
+        let room = (self.setup.options.max_arclength - self.pace.arclength).max(0.0);
         let bound = self.setup.options.max_growth * self.setup.size + norm(&self.here.x);
         (room.min(bound), room <= bound)
     }
@@ -131,7 +131,7 @@ impl Curve<'_> {
         r.resize(self.map.num_residuals(), 0.0);
         self.map.residual(&self.path.selection, &self.next.x, &mut r);
         self.next.residual_norm = norm(&r);
-        let rounding = f64::EPSILON * self.path.residual_scale * (1.0 + norm(&self.next.x) / self.setup.size);
+        let rounding = f64::EPSILON * self.scale.terms * (1.0 + norm(&self.next.x) / self.setup.size);
         if self.next.residual_norm > ROUNDING * rounding
             && self.corrector.refine(&self.path.selection, &r, &mut self.next.x)
         {

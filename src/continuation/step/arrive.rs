@@ -21,7 +21,7 @@ impl Curve<'_> {
     ) -> Result<(), ContinuationError> {
         let closed = self.closes()?;
         let step = distance(&self.here.x, &self.next.x);
-        self.path.arclength += step;
+        self.pace.arclength += step;
         std::mem::swap(&mut self.here, &mut self.next);
         self.here.s = 0.0;
         self.here.probe.clear();
@@ -153,7 +153,7 @@ impl Curve<'_> {
         let slack =
             (self.setup.options.vanishing_distance * (1.0 + norm(&self.setup.start))).min(SLACK * length);
         let offset = self.here.progress_to(&self.setup.start);
-        if self.path.arclength <= slack || !(offset > 0.0 && offset <= self.next.s + slack) {
+        if self.pace.arclength <= slack || !(offset > 0.0 && offset <= self.next.s + slack) {
             return Ok(false);
         }
         let high = self.next.clone();

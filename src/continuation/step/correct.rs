@@ -25,7 +25,7 @@ impl Curve<'_> {
         }
         let o = &self.setup.options;
         let tolerances = (o.residual_tolerance, o.step_tolerance * (norm(&self.here.x) + h));
-        let (map, sizes) = (&self.map, &self.path.row_sizes);
+        let (map, sizes) = (&self.map, &self.scale.rows);
         let corrected = self.corrector.correct_measured(
             &map,
             &mut self.path.selection,
@@ -57,14 +57,14 @@ impl Curve<'_> {
         next.residual_norm = correction.residual_norm;
         next.s = self.here.progress_to(&next.x);
         let (decline, mut at) =
-            (self.path.regularity).decline(corrected.linearisation(), map, sizes, next, h)?;
+            (self.scale.regularity).decline(corrected.linearisation(), map, sizes, next, h)?;
         next.decline = Some(decline);
         next.take_signs(Some(&at));
         let Some(mut shape) = Shape::of(&self.here, next, h, o.min_cos) else {
             return Ok(None);
         };
         let flips = next.orientation != self.here.orientation;
-        let (bend, regular) = (self.path.curvature * h, self.here.decline.is_some());
+        let (bend, regular) = (self.pace.curvature * h, self.here.decline.is_some());
         let mut noise = || tangent_noise(regular, at.rcond());
         if !flips
             && shape.is_doubtful(bend, correction.iterations, &mut noise)
@@ -83,13 +83,13 @@ impl Curve<'_> {
         if self.next.t.last().is_some_and(|rate| rate.abs() <= blur) {
             self.sharpen_next()?;
         }
-        for (size, next) in self.path.row_sizes.iter_mut().zip(&self.buffers.sizes) {
+        for (size, next) in self.scale.rows.iter_mut().zip(&self.buffers.sizes) {
             *size = size.max(*next);
         }
         self.next.find_tests(&self.map, &self.path.selection);
         Ok(Some(Accepted {
             corrections: correction.iterations,
-            curvature: (shape.turn / h).max(FADING * self.path.curvature),
+            curvature: (shape.turn / h).max(FADING * self.pace.curvature),
         }))
     }
 }
@@ -105,7 +105,7 @@ mod tests {
         let mut run = map.curve(0.0, 0.0);
         let curve = run.curve.erased_mut();
         for k in 1..50 {
-            curve.path.row_sizes = vec![0.0];
+            curve.scale.rows = vec![0.0];
             let h = 1e-3 * f64::from(k);
             assert!(curve.try_step(h, None).unwrap().is_some(), "{h}");
             assert!((curve.next.x[0] - curve.next.x[1].exp_m1()).abs() < 1e-15);

@@ -66,12 +66,12 @@ impl Curve<'_> {
     fn step(&mut self) -> Result<(), ContinuationError> {
         // With the factors at hand.
         self.find_heading()?;
-        let room = self.setup.options.max_arclength - self.path.arclength;
+        let room = self.setup.options.max_arclength - self.pace.arclength;
         let mut limit = self.setup.options.max_step;
         if room > 0.0 {
             limit = limit.min(room.max(self.setup.options.min_step));
         }
-        let mut h = self.path.h.min(limit);
+        let mut h = self.pace.h.min(limit);
         let longest = h;
         let leaves_singular = self.here.decline.is_none();
         if leaves_singular {
@@ -103,16 +103,16 @@ impl Curve<'_> {
             {
                 match self.event_inside()? {
                     Ok(first) => {
-                        self.path.h = if rejected > 0 || corrections > EASY {
+                        self.pace.h = if rejected > 0 || corrections > EASY {
                             h
                         } else if leaves_singular {
                             longest.max(h)
                         } else {
                             (h * self.setup.options.growth).min(self.setup.options.max_step)
                         };
-                        self.path.curvature = curvature;
-                        self.path.creeping = if rejected > 0 {
-                            self.path.creeping.saturating_add(1)
+                        self.pace.curvature = curvature;
+                        self.pace.creeping = if rejected > 0 {
+                            self.pace.creeping.saturating_add(1)
                         } else {
                             0
                         };
@@ -122,10 +122,10 @@ impl Curve<'_> {
                     Err(unresolved) => crossing = unresolved == Unresolved::Crossing,
                 }
             }
-            if (rejected >= REJECTED || self.path.creeping >= REJECTED)
+            if (rejected >= REJECTED || self.pace.creeping >= REJECTED)
                 && let Some(event) = self.event_at_branch_point(longest)?
             {
-                self.path.creeping = 0;
+                self.pace.creeping = 0;
                 return self.arrive(Some(event), 0);
             }
             ahead = None;

@@ -30,11 +30,11 @@ impl Curve<'_> {
     /// Steps 2 to 7: predict, correct with the selection of the active set at each iterate, halve on failure; a new selection
     /// once the smallest step fails.
     pub(in crate::continuation) fn switching_step(&mut self) -> Result<(), ContinuationError> {
-        let mut h = self.path.h.min(self.setup.options.max_step);
+        let mut h = self.pace.h.min(self.setup.options.max_step);
         let mut halved = false;
         loop {
             if let Some(found) = self.try_switching(h)? {
-                self.path.h = self.next_length(h, halved, found.rate);
+                self.pace.h = self.next_length(h, halved, found.rate);
                 return self.arrive_switching(found.iterations);
             }
             if h <= self.setup.options.min_step {
@@ -69,15 +69,9 @@ impl Curve<'_> {
         let choose = |x: &[f64], selection: &mut Selection| {
             natural(map, layout, x, theta, selection);
         };
-        let tolerances = (
-            self.setup.options.residual_tolerance,
-            self.setup.options.step_tolerance,
-        );
-        let (x, t, most) = (
-            &mut self.next.x,
-            &mut self.next.t,
-            self.setup.options.max_corrections,
-        );
+        let o = &self.setup.options;
+        let tolerances = (o.residual_tolerance, o.step_tolerance);
+        let (x, t, most) = (&mut self.next.x, &mut self.next.t, o.max_corrections);
         let corrected = (self.corrector).correct(map, &mut selection, choose, x, t, tolerances, most);
         let Some((correction, at)) = if_converged(corrected)? else {
             return Ok(None);
@@ -103,7 +97,7 @@ impl Curve<'_> {
     }
 
     fn arrive_switching(&mut self, corrections: usize) -> Result<(), ContinuationError> {
-        self.path.arclength += distance(&self.here.x, &self.next.x);
+        self.pace.arclength += distance(&self.here.x, &self.next.x);
         std::mem::swap(&mut self.here, &mut self.next);
         let alpha = self.here.x[self.here.x.len() - 1];
         let (lower, upper) = self.setup.options.parameter_range;
@@ -128,10 +122,8 @@ impl Curve<'_> {
         let active = ActiveSet::from_tests(&self.map, &self.setup.layout, &self.here.theta, indices);
         let before = self.path.selection.clone();
         let (arrival, oriented) = (self.here.t.clone(), self.here.orientation);
-        for selection in active
-            .selections()
-            .take(self.setup.options.max_selections as usize)
-        {
+        let most = self.setup.options.max_selections as usize;
+        for selection in active.selections().take(most) {
             if selection == before {
                 continue;
             }
@@ -160,7 +152,7 @@ impl Curve<'_> {
             self.here.t = tangent;
             self.recorrect()?;
             // The renewed correction is a step of length zero that was not halved.
-            self.path.h =
+            self.pace.h =
                 (self.setup.options.step * self.setup.options.growth).min(self.setup.options.max_step);
             return Ok(());
         }
@@ -170,13 +162,11 @@ impl Curve<'_> {
 
     fn recorrect(&mut self) -> Result<(), ContinuationError> {
         let mut frozen = self.path.selection.clone();
-        let tolerances = (
-            self.setup.options.residual_tolerance,
-            self.setup.options.step_tolerance,
-        );
+        let o = &self.setup.options;
+        let tolerances = (o.residual_tolerance, o.step_tolerance);
         let mut x = self.here.x.clone();
         let mut t = self.here.t.clone();
-        let (map, most) = (&self.map, self.setup.options.max_corrections);
+        let (map, most) = (&self.map, o.max_corrections);
         let corrected =
             (self.corrector).correct(map, &mut frozen, |_, _| {}, &mut x, &mut t, tolerances, most);
         if let Some((c, at)) = if_converged(corrected)? {
@@ -231,7 +221,7 @@ impl Curve<'_> {
             complete: false,
             det_sign: None,
             residual_norm: norm(&r),
-            arclength: self.path.arclength,
+            arclength: self.pace.arclength,
         };
         self.emit(Event::Transition(record));
     }
