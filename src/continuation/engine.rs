@@ -92,7 +92,8 @@ pub(super) type Over<'a> = Box<dyn Fn() -> bool + Send + Sync + 'a>;
 pub(super) struct Setup<'a> {
     pub(super) options: ContinuationOptions,
     pub(super) layout: TestLayout,
-    /// Whether all arms are wanted at each event, as in a diagram, rather than the one along which the curve goes on.
+    /// Whether all arms are wanted at each event, as in a diagram, rather than the one along which the curve
+    /// goes on.
     pub(super) every_arm: bool,
     pub(super) start: Vec<f64>,
     /// 1 + ‖x‖ at the start.
@@ -149,7 +150,8 @@ pub(super) struct Pace {
     pub(super) creeping: usize,
 }
 
-/// By what residuals and ∇H are measured: the size of the terms of H for affine pieces, for curved ones that of each row.
+/// By what residuals and ∇H are measured: the size of the terms of H for affine pieces, for curved ones that
+/// of each row.
 pub(super) struct Scale {
     pub(super) terms: f64,
     pub(super) rows: Vec<f64>,
@@ -177,8 +179,9 @@ pub(super) struct Buffers {
     pub(super) gradient_norms: Vec<f64>,
 }
 
-/// A curve that is being followed. Computations are written for `Curve<'_>`, with the map behind a trait object, and compiled once. The
-/// map is stored with its own type, so that a curve can be sent to another thread if its map can be shared; see [`erased`](Curve::erased).
+/// A curve that is being followed. Computations are written for `Curve<'_>`, with the map behind a trait
+/// object, and compiled once. The map is stored with its own type, so that a curve can be sent to another
+/// thread if its map can be shared; see [`erased`](Curve::erased).
 pub(super) struct Curve<'a, M: ?Sized = dyn ScaledMap + 'a> {
     pub(super) setup: Setup<'a>,
     pub(super) corrector: MoorePenrose<Solver<'a>>,
@@ -304,7 +307,8 @@ impl<'a> Curve<'a> {
         rates
     }
 
-    /// The selections that meet at `here`, where these test functions vanish, by the side on which the curve arrived.
+    /// The selections that meet at `here`, where these test functions vanish, by the side on which the curve
+    /// arrived.
     pub(super) fn active_beside(&self, vanishing: &[Vanishing]) -> ActiveSet {
         let indices = vanishing.iter().map(|v| v.index).collect();
         let (layout, selection) = (&self.setup.layout, &self.path.selection);

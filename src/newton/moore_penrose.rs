@@ -177,7 +177,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.updates
     }
 
-    /// Assembles ∇H^(σ)(x), factors it and computes its kernel. `hint` (length n + 1) is an approximate tangent.
+    /// Assembles ∇H^(σ)(x), factors it and computes its kernel. `hint` (length n + 1) is an approximate
+    /// tangent.
     ///
     /// # Errors
     /// [`LinearError::Kernel`](crate::linear::LinearError::Kernel) where the kernel is not a line; entries outside the pattern;
@@ -225,10 +226,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(())
     }
 
-    /// [`linearize`](Self::linearize) by factors of the Jacobian itself, with which transposed systems are solved, too.
-    ///
-    /// # Errors
-    /// As [`linearize`](Self::linearize).
+    /// [`linearize`](Self::linearize) by factors of the Jacobian itself, with which transposed systems are
+    /// solved, too.
     pub(crate) fn factorise(
         &mut self,
         map: &dyn PiecewiseSmooth,
@@ -350,9 +349,6 @@ impl<L: LinearSolver> MoorePenrose<L> {
     }
 
     /// ∇H^(σ)(x), not factored.
-    ///
-    /// # Errors
-    /// Entries outside the pattern.
     pub(crate) fn jacobian_at(
         &mut self,
         map: &dyn PiecewiseSmooth,

@@ -1,4 +1,5 @@
-//! Estimates at a point of a curve from its linearisation: how far rounding may have moved it, and how fast ∇H approaches singularity.
+//! Estimates at a point of a curve from its linearisation: how far rounding may have moved it, and how fast
+//! ∇H approaches singularity.
 
 use super::convergence::row_sizes;
 use super::moore_penrose::{Held, Linearisation, MoorePenrose};
@@ -8,8 +9,8 @@ use crate::sparse::{dot, norm};
 use crate::spread::centred;
 
 impl<L: LinearSolver> MoorePenrose<L> {
-    /// Upper estimate, by inverse iteration, of the least singular value of ∇H^(σ)(x) with its rows divided by `sizes`; 0 where the
-    /// factorisation fails.
+    /// Upper estimate, by inverse iteration, of the least singular value of ∇H^(σ)(x) with its rows divided
+    /// by `sizes`; 0 where the factorisation fails.
     pub(crate) fn least_singular_value<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
@@ -43,8 +44,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
 }
 
 impl<L: LinearSolver> Linearisation<'_, L> {
-    /// The remaining correction of x, next to the point of the factors, within the hyperplane normal to `normal`: from H(x), below the last
-    /// bits of x.
+    /// The remaining correction of x, next to the point of the factors, within the hyperplane normal to
+    /// `normal`: from H(x), below the last bits of x.
     pub(crate) fn remainder<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
@@ -56,8 +57,9 @@ impl<L: LinearSolver> Linearisation<'_, L> {
         solved.is_ok().then_some(self.held.dx.as_slice())
     }
 
-    /// Effect of rounding errors in the terms of H on a function with the given gradient, at a point x of the curve, next to that of the
-    /// factors, in a hyperplane normal to `normal`: the root mean square over all signs of the errors. `None` where it cannot be estimated.
+    /// Effect of rounding errors in the terms of H on a function with the given gradient, at a point x of the
+    /// curve, next to that of the factors, in a hyperplane normal to `normal`: the root mean square over all
+    /// signs of the errors. `None` where it cannot be estimated.
     pub(crate) fn rounding_of(&mut self, gradient: &[f64], x: &[f64], normal: &[f64]) -> Option<f64> {
         let mut weights = std::mem::take(&mut self.held.errors.0);
         let solved = self.solve_transpose(gradient, normal, &mut weights);
@@ -69,12 +71,9 @@ impl<L: LinearSolver> Linearisation<'_, L> {
         solved.filter(|()| mean.is_finite()).map(|()| mean)
     }
 
-    /// Entry k of the tangent at x, the point of the factors, to first order in the error of `t`, and what rounding may have changed it by:
-    /// errors of one rounding in the terms of ∇H t, as a mean over their signs, and displacements of x by `moves`. `None` where it cannot be
-    /// estimated.
-    ///
-    /// # Errors
-    /// Entries outside the pattern.
+    /// Entry k of the tangent at x, the point of the factors, to first order in the error of `t`, and what
+    /// rounding may have changed it by: errors of one rounding in the terms of ∇H t, as a mean over their
+    /// signs, and displacements of x by `moves`. `None` where it cannot be estimated.
     pub(crate) fn entry_of_tangent<P: PiecewiseSmooth + ?Sized>(
         mut self,
         map: &P,
@@ -106,11 +105,8 @@ impl<L: LinearSolver> Linearisation<'_, L> {
         Ok((entry.is_finite() && rounding.is_finite()).then_some((entry, rounding)))
     }
 
-    /// The rate of entry k of the unit tangent along the curve at x, the point of the factors, by central differences of ∇H over a distance.
-    /// `None` where it cannot be found.
-    ///
-    /// # Errors
-    /// Entries outside the pattern.
+    /// The rate of entry k of the unit tangent along the curve at x, the point of the factors, by central
+    /// differences of ∇H over a distance. `None` where it cannot be found.
     pub(crate) fn turn_of_entry<P: PiecewiseSmooth + ?Sized>(
         mut self,
         map: &P,
@@ -134,11 +130,12 @@ impl<L: LinearSolver> Linearisation<'_, L> {
         Ok(rate.is_finite().then_some(rate))
     }
 
-    /// The relative rate at which the regularity m of ∇H falls along the curve: −d ln m/ds with m = 1/‖∇H⁺ S v‖, S the row `sizes`, at x with
-    /// the tangent t, the point of the factors or next to it, from one more Jacobian at a distance. Towards a simple singular point m falls
-    /// linearly: it lies 1/rate ahead (or behind, where the rate is negative). `v` becomes that of the next step of inverse iteration, so that
-    /// m follows the least singular value. `None` where it cannot be estimated. Where the factors are those of a point too far away the
-    /// linearisation becomes that of x.
+    /// The relative rate at which the regularity m of ∇H falls along the curve: −d ln m/ds with m = 1/‖∇H⁺ S
+    /// v‖, S the row `sizes`, at x with the tangent t, the point of the factors or next to it, from one more
+    /// Jacobian at a distance. Towards a simple singular point m falls linearly: it lies 1/rate ahead (or
+    /// behind, where the rate is negative). `v` becomes that of the next step of inverse iteration, so that m
+    /// follows the least singular value. `None` where it cannot be estimated. Where the factors are those of
+    /// a point too far away the linearisation becomes that of x.
     pub(crate) fn decline<P: PiecewiseSmooth + ?Sized>(
         self,
         map: &P,
@@ -184,12 +181,9 @@ impl<L: LinearSolver> Linearisation<'_, L> {
         Ok((rate.is_finite().then_some(rate), self))
     }
 
-    /// Two displacements by which rounding may have moved a point x, that of the factors, off the curve: the corrections for errors of one
-    /// rounding of the terms of each residual (and for the residual itself), with two patterns of signs. `sizes` are those that the
-    /// variables have had so far. Orthogonal to `t`.
-    ///
-    /// # Errors
-    /// As [`solve`](Self::solve).
+    /// Two displacements by which rounding may have moved a point x, that of the factors, off the curve: the
+    /// corrections for errors of one rounding of the terms of each residual (and for the residual itself),
+    /// with two patterns of signs. `sizes` are those that the variables have had so far. Orthogonal to `t`.
     pub(crate) fn noise<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,

@@ -1,7 +1,7 @@
 use crate::sparse::dot;
 
-/// Broyden's method in limited-memory form: the steps made with the same factors give the update of the factored Jacobian.
-/// C. T. Kelley, Solving Nonlinear Equations with Newton's Method, SIAM 2003, section 4.
+/// Broyden's method in limited-memory form: the steps made with the same factors give the update of the
+/// factored Jacobian. C. T. Kelley, Solving Nonlinear Equations with Newton's Method, SIAM 2003, section 4.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Secants {
     steps: Vec<f64>,

@@ -410,8 +410,9 @@ fn a_solver_goes_from_map_to_map_of_one_size() {
     }
 }
 
-/// What a linearisation tells belongs to the point that it names, which is not that of the last correction: after one correction from
-/// (1, 0.5) towards y² + α² = 4 the kernel is still across (1, 0.5). Solutions and signs are those of the same point.
+/// What a linearisation tells belongs to the point that it names, which is not that of the last correction:
+/// after one correction from (1, 0.5) towards y² + α² = 4 the kernel is still across (1, 0.5). Solutions and
+/// signs are those of the same point.
 #[test]
 fn linearisations_belong_to_the_point_they_name() {
     let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
@@ -450,7 +451,8 @@ fn linearisations_belong_to_the_point_they_name() {
     }
 }
 
-/// Affine pieces have one linearisation at every point; one of another selection is made by replacing rows, and is as right.
+/// Affine pieces have one linearisation at every point; one of another selection is made by replacing rows,
+/// and is as right.
 #[test]
 fn linearisations_of_affine_pieces_belong_to_every_point() {
     let rows = [[2.0, 1.0, -1.0], [0.5, -3.0, 2.0]];

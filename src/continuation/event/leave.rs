@@ -92,7 +92,8 @@ impl Curve<'_> {
         let signs = at.as_ref().map(|at| (at.orientation(t), at.det_sign()));
         (self.here.orientation, self.here.det_sign) = signs.unwrap_or_default();
         if affine && self.scale.terms == 0.0 {
-            // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more than the step.
+            // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more
+            // than the step.
             let sizes: Vec<f64> = (x.iter().zip(t))
                 .map(|(x, t)| x.abs() + self.pace.h * t.abs())
                 .collect();

@@ -240,8 +240,8 @@ impl Curve<'_> {
         dot(&self.here.t, &self.next.t).max(0.1)
     }
 
-    /// The point of the curve at distance `s` along the tangent at `here`, with what is wanted of it; the guess interpolates between `here`
-    /// and `high`.
+    /// The point of the curve at distance `s` along the tangent at `here`, with what is wanted of it; the
+    /// guess interpolates between `here` and `high`.
     pub(super) fn find_state(
         &mut self,
         s: f64,
@@ -342,8 +342,9 @@ impl Curve<'_> {
     }
 }
 
-/// Test functions that contain terms of H inherit its rounding errors, whatever the units of H: they are extrapolated to the point in the
-/// plane across `normal` where H vanishes, below the last bits of x. `rates` is scratch.
+/// Test functions that contain terms of H inherit its rounding errors, whatever the units of H: they are
+/// extrapolated to the point in the plane across `normal` where H vanishes, below the last bits of x. `rates`
+/// is scratch.
 fn refine_tests<L: LinearSolver>(
     at: &mut Linearisation<'_, L>,
     (map, selection): (&dyn ScaledMap, &Selection),
@@ -384,8 +385,8 @@ impl<'f> Find<'f> {
 #[derive(Default)]
 pub(super) struct Misses {
     index: usize,
-    /// Effect of rounding errors of H on the test function with this index, as a mean over their signs: its zero is not determined more
-    /// accurately.
+    /// Effect of rounding errors of H on the test function with this index, as a mean over their signs: its
+    /// zero is not determined more accurately.
     rounding: Option<f64>,
     last: Option<(f64, Vec<f64>)>,
     before: Option<(f64, Vec<f64>)>,

@@ -73,8 +73,8 @@ pub(in crate::continuation) struct Watch<'a> {
     pub(in crate::continuation) name: String,
     pub(in crate::continuation) function: Function<'a>,
     pub(in crate::continuation) stops: bool,
-    /// Sign of the function before its next zero; 0 as long as it has vanished exactly. Kept apart from values, which are rounding
-    /// errors at a zero that has just been passed.
+    /// Sign of the function before its next zero; 0 as long as it has vanished exactly. Kept apart from
+    /// values, which are rounding errors at a zero that has just been passed.
     pub(in crate::continuation) side: f64,
     /// Whether the sign changes within the step at hand without a zero: at a pole or a jump.
     pub(in crate::continuation) jumped: bool,

@@ -56,8 +56,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         Ok((map, z))
     }
 
-    /// The largest entry of each row of ∇H^(σ), or its change over the distance 1 + ‖x‖: at branch points rows may vanish up to rounding;
-    /// and ∇H^(σ).
+    /// The largest entry of each row of ∇H^(σ), or its change over the distance 1 + ‖x‖: at branch points
+    /// rows may vanish up to rounding; and ∇H^(σ).
     fn row_sizes<M: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &M,
@@ -154,8 +154,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
     }
 }
 
-/// Where the kernel of ∇H^(σ) is spanned by n₁ and n₂ and that of its transpose by ψ: the roots of Σ ψᵀH''(nᵢ, nⱼ) aᵢ aⱼ = 0
-/// (Keller 1977).
+/// Where the kernel of ∇H^(σ) is spanned by n₁ and n₂ and that of its transpose by ψ: the roots of Σ
+/// ψᵀH''(nᵢ, nⱼ) aᵢ aⱼ = 0 (Keller 1977).
 fn branching_equation<M: PiecewiseSmooth + ?Sized>(
     map: &M,
     x: &[f64],

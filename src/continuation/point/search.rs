@@ -281,7 +281,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         }
     }
 
-    /// The only arm of a selection that is regular at x, if it crosses the facets that meet here transversally, with its orientation.
+    /// The only arm of a selection that is regular at x, if it crosses the facets that meet here
+    /// transversally, with its orientation.
     pub(in crate::continuation) fn regular_arm(
         &mut self,
         selection: &Selection,

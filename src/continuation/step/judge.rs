@@ -26,8 +26,8 @@ pub(super) struct Shape {
 }
 
 impl Shape {
-    /// The shape of a step of length h from `a` whose end `b` agrees with the prediction: the tangents are close, the chord is close to their
-    /// mean, and its length to that of the step. `None` for others.
+    /// The shape of a step of length h from `a` whose end `b` agrees with the prediction: the tangents are
+    /// close, the chord is close to their mean, and its length to that of the step. `None` for others.
     pub(super) fn of(a: &State, b: &State, h: f64, min_cos: f64) -> Option<Self> {
         let cos = dot(&a.t, &b.t);
         if cos.is_nan() || cos < min_cos {
@@ -51,8 +51,9 @@ impl Shape {
         })
     }
 
-    /// Whether the step may have jumped to another curve: it turns much more than the last one, which would have turned by `bend` over its
-    /// length, its chord is not that of an arc, or the corrector converged slowly. Angles up to `noise` are none.
+    /// Whether the step may have jumped to another curve: it turns much more than the last one, which would
+    /// have turned by `bend` over its length, its chord is not that of an arc, or the corrector converged
+    /// slowly. Angles up to `noise` are none.
     pub(super) fn is_doubtful(&self, bend: f64, corrections: usize, noise: impl FnOnce() -> f64) -> bool {
         const MORE: f64 = 2.0;
         const SKEW: f64 = 0.1;
@@ -81,7 +82,8 @@ impl Regularity {
         }
     }
 
-    /// The rate at which the regularity of ∇H^(σ) falls at a state, the point of the linearisation or next to it, for steps of length h.
+    /// The rate at which the regularity of ∇H^(σ) falls at a state, the point of the linearisation or next to
+    /// it, for steps of length h.
     pub(in crate::continuation) fn decline<'c, L: LinearSolver>(
         &mut self,
         at: Linearisation<'c, L>,
@@ -111,8 +113,8 @@ fn generic_probe(n: usize) -> Vec<f64> {
     (0..n).map(|k| sign(k) * (0.5 + 0.5 * golden(k + 1))).collect()
 }
 
-/// Angle below which tangents next to a regular point, or at a singular one, cannot be distinguished from that of a linearisation with this
-/// estimate of its condition.
+/// Angle below which tangents next to a regular point, or at a singular one, cannot be distinguished from
+/// that of a linearisation with this estimate of its condition.
 pub(super) fn tangent_noise(regular: bool, rcond: Option<f64>) -> f64 {
     let known = if regular { 1e-9 } else { ARMS };
     known + 100.0 * f64::EPSILON / rcond.unwrap_or(1.0).max(f64::EPSILON)
@@ -153,8 +155,8 @@ impl<'a> Curve<'a> {
         self.next.orientation.is_some() && ahead.max(behind) > 1.0
     }
 
-    /// Recomputes the tangents at both ends, which are those of the previous iterates, and returns their distance, with the noise of the
-    /// latter. That at a singular point, where kernels are noise, is kept.
+    /// Recomputes the tangents at both ends, which are those of the previous iterates, and returns their
+    /// distance, with the noise of the latter. That at a singular point, where kernels are noise, is kept.
     pub(super) fn sharpen_tangents(&mut self) -> Result<(f64, f64), ContinuationError> {
         let regular = self.here.decline.is_some();
         if regular {

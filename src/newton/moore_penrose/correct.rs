@@ -14,8 +14,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// `t` into the tangent there. Ends when ‖H‖ and ‖ΔX‖ are less than the two `tolerances`, or ‖H‖ is and ‖ΔX‖ is no longer than rounding
     /// errors of H make it, or after `max_iterations` (0 only linearises).
     ///
-    /// The linearisation belongs to the last iterate but one, and so does `t`, where one iteration or Newton's method made the last
-    /// correction; where large systems were corrected with the factors of an earlier iterate (chord steps), `t` is the tangent at `x`.
+    /// The linearisation belongs to the last iterate but one, and so does `t`, where one iteration or
+    /// Newton's method made the last correction; where large systems were corrected with the factors of an
+    /// earlier iterate (chord steps), `t` is the tangent at `x`.
     ///
     /// # Errors
     /// Singular or non-finite linear systems, entries outside the pattern, vectors of other lengths, selections of other maps.
@@ -133,9 +134,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(outcome)
     }
 
-    /// Solves H^(σ)(X) = 0 in the hyperplane normal·(X − anchor) = s (Keller's pseudo-arclength), `plane` = (anchor, normal, s), from the guess
-    /// X = `x`, until steps no longer shrink, that is, to rounding. `t` becomes the tangent of the linearisation, which is that of the last
-    /// iterate but one, oriented along the normal.
+    /// Solves H^(σ)(X) = 0 in the hyperplane normal·(X − anchor) = s (Keller's pseudo-arclength), `plane` =
+    /// (anchor, normal, s), from the guess X = `x`, until steps no longer shrink, that is, to rounding. `t`
+    /// becomes the tangent of the linearisation, which is that of the last iterate but one, oriented along
+    /// the normal.
     ///
     /// # Errors
     /// Singular or non-finite linear systems, vectors of other lengths, selections of other maps.

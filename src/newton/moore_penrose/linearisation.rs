@@ -4,10 +4,11 @@ use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::Selection;
 use crate::sparse::Matrix;
 
-/// The factored Jacobian ∇H^(σ) (n rows, n + 1 columns) of a selection at a point of a curve, its tangent and what its determinants tell.
+/// The factored Jacobian ∇H^(σ) (n rows, n + 1 columns) of a selection at a point of a curve, its tangent and
+/// what its determinants tell.
 ///
-/// It borrows the [`MoorePenrose`] corrector that holds the factors, which therefore cannot factor anything else as long as the
-/// linearisation is in use.
+/// It borrows the [`MoorePenrose`] corrector that holds the factors, which therefore cannot factor anything
+/// else as long as the linearisation is in use.
 ///
 /// ```
 /// use semismooth::{linear::AutoSolver, newton::MoorePenrose, piecewise::{MinMap, Selection}};
@@ -39,15 +40,17 @@ impl<'c, L: LinearSolver> Linearisation<'c, L> {
         &self.held.selection
     }
 
-    /// The point whose Jacobian is factored (length n + 1). `None` where [`linearize`](MoorePenrose::linearize) found an affine piece, whose
-    /// Jacobian is the same at every point, and after chord steps, which leave the factors of a point nearby.
+    /// The point whose Jacobian is factored (length n + 1). `None` where
+    /// [`linearize`](MoorePenrose::linearize) found an affine piece, whose Jacobian is the same at every
+    /// point, and after chord steps, which leave the factors of a point nearby.
     #[must_use]
     pub fn point(&self) -> Option<&[f64]> {
         (self.held.held == Held::Point).then_some(self.held.point.as_slice())
     }
 
-    /// The unit vector in the kernel of ∇H (length n + 1), with det [∇H; τᵀ] > 0 where the solver computes determinants and no rows have
-    /// been replaced, else of either sign. After chord steps it is that at the corrected point.
+    /// The unit vector in the kernel of ∇H (length n + 1), with det [∇H; τᵀ] > 0 where the solver computes
+    /// determinants and no rows have been replaced, else of either sign. After chord steps it is that at the
+    /// corrected point.
     #[must_use]
     pub fn tangent(&self) -> &[f64] {
         match self.held.at_hand() {
@@ -56,8 +59,8 @@ impl<'c, L: LinearSolver> Linearisation<'c, L> {
         }
     }
 
-    /// Sign of det [∇H; tᵀ] (`t` of length n + 1) of the factored Jacobian; 0 where `t` is orthogonal to the tangent, `None` where the solver
-    /// computes no determinants or `t` is no direction.
+    /// Sign of det [∇H; tᵀ] (`t` of length n + 1) of the factored Jacobian; 0 where `t` is orthogonal to the
+    /// tangent, `None` where the solver computes no determinants or `t` is no direction.
     #[must_use]
     pub fn orientation(&self, t: &[f64]) -> Option<i8> {
         match self.held.at_hand() {
@@ -66,7 +69,8 @@ impl<'c, L: LinearSolver> Linearisation<'c, L> {
         }
     }
 
-    /// Sign of det ∇_yH (∇H without its last column) of the factored Jacobian; 0 at folds, `None` where the solver computes no determinants.
+    /// Sign of det ∇_yH (∇H without its last column) of the factored Jacobian; 0 at folds, `None` where the
+    /// solver computes no determinants.
     #[must_use]
     pub fn det_sign(&self) -> Option<i8> {
         match self.held.at_hand() {
@@ -79,7 +83,8 @@ impl<'c, L: LinearSolver> Linearisation<'c, L> {
         }
     }
 
-    /// Natural logarithm of |det [∇H; τᵀ]| of the factored Jacobian, τ its tangent; `None` where the solver computes no determinants.
+    /// Natural logarithm of |det [∇H; τᵀ]| of the factored Jacobian, τ its tangent; `None` where the solver
+    /// computes no determinants.
     #[must_use]
     pub fn log_det(&self) -> Option<f64> {
         match self.held.at_hand() {
@@ -89,7 +94,8 @@ impl<'c, L: LinearSolver> Linearisation<'c, L> {
     }
 
     /// Reciprocal condition number of the matrix that is factored (∇H without one column), as the solver
-    /// [estimates](LinearSolver::rcond) it; `None` where it does not, and where rows of an affine piece have been replaced since.
+    /// [estimates](LinearSolver::rcond) it; `None` where it does not, and for affine pieces that are held as
+    /// changes of other factors, or by blocks.
     #[must_use]
     pub fn rcond(&mut self) -> Option<f64> {
         let replaced = self.held.held == Held::Updates;
@@ -99,7 +105,8 @@ impl<'c, L: LinearSolver> Linearisation<'c, L> {
     /// Solves ∇H x = r with t·x = 0 by the factors (`r` of length n, `t` and `x` of length n + 1).
     ///
     /// # Errors
-    /// [`LinearError::Singular`] where `t` is orthogonal to the tangent; vectors of other lengths or not finite; errors of the solver.
+    /// [`LinearError::Singular`] where `t` is orthogonal to the tangent; vectors of other lengths or not
+    /// finite; errors of the solver.
     pub fn solve(&mut self, r: &[f64], t: &[f64], x: &mut [f64]) -> Result<(), LinearError> {
         check_length("the right-hand side", r.len(), self.held.r.len())?;
         check_length("the last row", t.len(), self.held.dx.len())?;
@@ -122,7 +129,8 @@ impl<'c, L: LinearSolver> Linearisation<'c, L> {
         }
     }
 
-    /// y ← the solution of ∇Hᵀ y + s t = g; `None` where it cannot be found, and where rows of an affine piece have been replaced.
+    /// y ← the solution of ∇Hᵀ y + s t = g; `None` where it cannot be found, and for affine pieces that are
+    /// held as changes of other factors, or by blocks.
     pub(in crate::newton) fn solve_transpose(&mut self, g: &[f64], t: &[f64], y: &mut [f64]) -> Option<()> {
         let replaced = self.held.held == Held::Updates;
         let solved = (!replaced).then(|| self.held.bordered.solve_transpose(g, t, y))?;
