@@ -69,13 +69,51 @@ impl Arc {
     }
 }
 
-/// The first coefficient that does not vanish: its sign and its place from 1; 0 where all that are known vanish.
-pub(super) fn leading(values: &[Value]) -> (i8, u8) {
+/// The sign of a function of s > 0 with these coefficients of s, s², …, at first: that of the first coefficient that does not vanish; 0 where
+/// all that are known vanish. Where the function changes its sign again before it exceeds its rounding at the point, the point is within
+/// rounding of one where the coefficient vanishes, and the next decides.
+pub(super) fn leading(values: &[Value], rounding: f64) -> i8 {
     for (k, value) in values.iter().enumerate() {
         let sign = value.sign();
-        if sign != 0 {
-            return (sign, k as u8 + 1);
+        let hidden = |(j, other): (usize, &Value)| {
+            let (k, j) = (k as f64 + 1.0, (k + j) as f64 + 2.0);
+            // a sᵏ − b sʲ is largest where k a = j b sʲ⁻ᵏ.
+            let place = (k * value.value / (j * other.value)).abs().powf((j - k).recip());
+            sign * other.sign() < 0 && value.value.abs() * place.powf(k) * (1.0 - k / j) <= rounding
+        };
+        if sign != 0 && !values[k + 1..].iter().enumerate().any(hidden) {
+            return sign;
         }
     }
-    (0, 0)
+    0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Value, leading};
+
+    fn values(coefficients: &[f64]) -> Vec<Value> {
+        let value = |&value: &f64| Value { value, error: 1e-12 };
+        coefficients.iter().map(value).collect()
+    }
+
+    /// s − b s² is at most 1/(4 b), s − b s³ at most 2/(3 √(3 b)), and s² − b s³ at most 4/(27 b²).
+    #[test]
+    fn signs_that_change_within_rounding_are_those_beyond() {
+        for (coefficients, most) in [
+            ([1.0, -1e8, 0.0], 0.25e-8),
+            ([1.0, 0.0, -1e8], 2.0 / (3.0 * 3e8_f64.sqrt())),
+            ([0.0, 1.0, -1e3], 4.0 / 27.0 * 1e-6),
+        ] {
+            let (f, mirrored) = (values(&coefficients), values(&coefficients.map(|c| -c)));
+            for (rounding, sign) in [(0.0, 1), (0.999 * most, 1), (1.001 * most, -1)] {
+                assert_eq!(
+                    (leading(&f, rounding), leading(&mirrored, rounding)),
+                    (sign, -sign)
+                );
+            }
+        }
+        assert_eq!(leading(&values(&[1e-13, 2.0, 3.0]), 1.0), 1);
+        assert_eq!(leading(&values(&[1e-13, -1e-12, 0.0]), 0.0), 0);
+    }
 }

@@ -75,7 +75,7 @@ fn within(extension: &Extension<'_>, layout: &TestLayout, arcs: &[Arc]) -> Optio
     let followed = extension.values(arcs);
     let mut grazing = Vec::new();
     for (place, facet) in facets(frame, layout, extension.selection) {
-        let (sign, _) = leading(&followed.tests[place]);
+        let sign = leading(&followed.tests[place], followed.roundings[place]);
         match f64::from(sign) * facet.sign() {
             s if s < 0.0 => return None,
             0.0 => grazing.push(frame.vanishing[place]),
@@ -83,7 +83,7 @@ fn within(extension: &Extension<'_>, layout: &TestLayout, arcs: &[Arc]) -> Optio
         }
     }
     grazing.dedup();
-    let (direction, _) = leading(&followed.alpha);
+    let direction = leading(&followed.alpha, 0.0);
     let arc = extension.unscaled(&arcs[0]);
     let unit = norm(arc.tangent());
     let mut sites: Vec<usize> = grazing.iter().map(|&k| layout.locate(k).0).collect();

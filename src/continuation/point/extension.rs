@@ -296,7 +296,16 @@ impl<'a> Extension<'a> {
                 &mut each[1..].iter().map(|e| e.tests[v][k].0),
             )
         };
+        let theta = self
+            .frame
+            .vanishing
+            .iter()
+            .map(|&index| self.frame.theta[index].abs());
         Followed {
+            roundings: theta
+                .zip(&sizes)
+                .map(|(theta, size)| theta + SAFETY * f64::EPSILON * size)
+                .collect(),
             alpha: (0..orders).map(alpha).collect(),
             tests: (0..sizes.len())
                 .map(|v| (0..orders).map(|k| test(v, k)).collect())
@@ -371,6 +380,8 @@ struct Along {
 pub(super) struct Followed {
     pub(super) alpha: Vec<Value>,
     pub(super) tests: Vec<Vec<Value>>,
+    /// What the test functions are at the point, and the rounding of their terms.
+    pub(super) roundings: Vec<f64>,
 }
 
 /// How far the point of a frame may be off, beyond rounding, in these units.
