@@ -52,12 +52,13 @@ impl Curve<'_> {
                 let incoming = self.take_incoming(&mut arms)?;
                 // It was met in the step before, too: the arm that was found there did not leave it.
                 let again = self.here.x == self.next.x;
+                let stays = |arm: &Arm| arm.selection == self.path.selection;
+                let known = incoming.as_ref().is_none_or(stays);
+                let returns = again && self.choose(&arms).is_none_or(|k| stays(&arms.list[k]));
                 match (jump, arms.list.as_slice()) {
-                    (Some(error), _) if again => return Err(error),
+                    (Some(error), _) if returns => return Err(error),
                     // The curve does cross the facet, and there the map is not continuous.
-                    (Some(error), [arm])
-                        if arm.grazing.is_empty() && arm.selection != self.path.selection =>
-                    {
+                    (Some(error), [arm]) if known && arm.grazing.is_empty() && !stays(arm) => {
                         return Err(error);
                     }
                     // What cannot be decided to higher order may still be followed to first order.
@@ -176,8 +177,13 @@ impl Curve<'_> {
             let mut apart = a.selection.differing_sites(&self.path.selection);
             apart.all(|site| a.grazing.contains(&site))
         };
-        let candidates: Vec<usize> = (0..arms.list.len()).filter(|&k| own(&arms.list[k])).collect();
         let back: Vec<f64> = self.here.t.iter().map(|t| -t).collect();
+        let mut candidates: Vec<usize> = (0..arms.list.len()).filter(|&k| own(&arms.list[k])).collect();
+        if candidates.is_empty() {
+            // Within rounding of a point where the curve touches a facet it may have been followed on the other side of it.
+            let straight = |k: &usize| distance(&arms.list[*k].tangent, &back) < STRAIGHT;
+            candidates.extend((0..arms.list.len()).find(straight));
+        }
         let mut nearest: Option<(f64, usize)> = None;
         for &k in &candidates {
             let arm = &arms.list[k];
