@@ -37,7 +37,7 @@ const OPEN: [&str; 4] = [
 ];
 
 /// Families of codimension 0 and 1 of which some members are still left undecided, in the units told.
-const DOUBTFUL: [&str; 1] = ["fold, one tangent vertical"];
+const DOUBTFUL: [&str; 2] = ["transcritical, slope 1e-3 to 0.1", "fold, one tangent vertical"];
 
 type Examine = fn(&Entry, &mut Random) -> Findings;
 
