@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::ContactBody;
 use super::zero_energy::free_motions;
 use crate::interface::Operator;
-use crate::sparse::Matrix;
+use crate::sparse::{Matrix, max_abs};
 use crate::tolerances::SIX_DIGITS;
 
 impl ContactBody {
@@ -19,13 +19,13 @@ impl ContactBody {
     /// it.
     pub(super) fn anchored(&self) -> Option<Self> {
         let motions = free_motions(&self.operator.a);
-        let places = pivots(motions.clone())?;
+        let places = pivots(motions.clone(), 1.0)?;
         let traces = motions.iter().map(|z| {
             let mut moved = vec![0.0; self.operator.num_traces()];
             Matrix::as_ref(&self.operator.b_t).mul_transpose_add(1.0, z, &mut moved);
             moved
         });
-        pivots(traces.collect())?;
+        pivots(traces.collect(), max_abs(self.operator.b_t.values()))?;
         let (n, q) = (self.num_displacements(), self.operator.num_traces());
         let mut a: Vec<_> = self.operator.a.triplets().collect();
         let mut b_t: Vec<_> = self.operator.b_t.triplets().collect();
@@ -79,16 +79,15 @@ impl ContactBody {
 }
 
 /// An entry of each vector in which the others, freed of it, vanish: by elimination with the largest entry as pivot. `None` where there is no
-/// vector, or where they are dependent to six digits.
-fn pivots(mut vectors: Vec<Vec<f64>>) -> Option<Vec<usize>> {
+/// vector, or where they are dependent, or vanish, to six digits of their size.
+fn pivots(mut vectors: Vec<Vec<f64>>, of_size: f64) -> Option<Vec<usize>> {
     let mut places = Vec::new();
-    let mut first = None;
     while !vectors.is_empty() {
         let entries = vectors.iter().enumerate();
         let entries = entries.flat_map(|(k, v)| v.iter().enumerate().map(move |(i, x)| (k, i, x.abs())));
         let (own, place, size) = entries.max_by(|a, b| a.2.total_cmp(&b.2))?;
         let vector = vectors.swap_remove(own);
-        if size.is_nan() || size <= SIX_DIGITS * *first.get_or_insert(size) {
+        if size.is_nan() || size <= SIX_DIGITS * of_size {
             return None;
         }
         for other in &mut vectors {
