@@ -79,15 +79,15 @@ impl ContactBody {
 }
 
 /// An entry of each vector in which the others, freed of it, vanish: by elimination with the largest entry as pivot. `None` where there is no
-/// vector, or where they are dependent, or vanish, to six digits of their size.
-fn pivots(mut vectors: Vec<Vec<f64>>, of_size: f64) -> Option<Vec<usize>> {
+/// vector, or where what is left of one vanishes to six digits of `size`, that of their largest entries.
+fn pivots(mut vectors: Vec<Vec<f64>>, size: f64) -> Option<Vec<usize>> {
     let mut places = Vec::new();
     while !vectors.is_empty() {
         let entries = vectors.iter().enumerate();
         let entries = entries.flat_map(|(k, v)| v.iter().enumerate().map(move |(i, x)| (k, i, x.abs())));
-        let (own, place, size) = entries.max_by(|a, b| a.2.total_cmp(&b.2))?;
+        let (own, place, most) = entries.max_by(|a, b| a.2.total_cmp(&b.2))?;
         let vector = vectors.swap_remove(own);
-        if size.is_nan() || size <= SIX_DIGITS * of_size {
+        if most.is_nan() || most <= SIX_DIGITS * size {
             return None;
         }
         for other in &mut vectors {

@@ -37,7 +37,8 @@ pub(super) struct State {
     /// singular point is to be expected. `None` at singular points.
     #[cfg_attr(feature = "serde", serde(default))]
     pub(super) decline: Option<f64>,
-    /// A point of the curve beyond this one, known to be on this arm and no other, where first steps as long as any may end on another.
+    /// A corrected point of the arm on which the curve leaves this one, told apart from all other arms there; empty where none was needed.
+    /// The first step from a singular point ends there, as one of another length may end on another arm.
     #[cfg_attr(feature = "serde", serde(default))]
     pub(super) probe: Vec<f64>,
     pub(super) residual_norm: f64,

@@ -6,7 +6,7 @@ use semismooth::contact::{
     critical_friction,
 };
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
-use semismooth::fem::{ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh, Mortar};
+use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh, Mortar};
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sparse::Matrix;
 
@@ -38,6 +38,26 @@ fn on_table<L: NodeLaw>(mesh: Mesh, pull: [f64; 3], law: L) -> FullContact<L> {
     let tangential = rows.tangential;
     let body = ContactBody::new(system.stiffness().clone(), rows.normal, tangential, load).unwrap();
     FullContact::new(body, law).unwrap()
+}
+
+/// A block on a table, with its middle and a corner of its upper side.
+fn block_on_table() -> (ElasticSystem, ContactRows) {
+    let mut mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2]).unwrap();
+    mesh.mark_nodes("middle", |x| x == [1.0, 1.0, 0.0]);
+    mesh.mark_nodes("corner", |x| x == [2.0, 1.0, 0.0]);
+    let system = floating(mesh);
+    let table = Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]);
+    let rows = system.contact("bottom", &table).unwrap();
+    (system, rows)
+}
+
+/// Forces there, in multiples of the weight of a unit volume.
+fn pushed(system: &ElasticSystem, middle: [f64; 2], corner: [f64; 2]) -> LoadPath {
+    let [a, b] = [("middle", middle), ("corner", corner)].map(|(group, [x, y])| {
+        let force = |_| [WEIGHT * x, WEIGHT * y, 0.0];
+        system.nodal_force(group, force).unwrap()
+    });
+    LoadPath::constant(a.iter().zip(&b).map(|(a, b)| a + b).collect())
 }
 
 fn is_unbalanced(found: Result<Vec<f64>, ContactError>) {
@@ -113,13 +133,7 @@ fn the_motion_that_nothing_resists_is_named() {
 /// that nothing does.
 #[test]
 fn a_block_is_held_where_statics_says_so() {
-    let mut mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2]).unwrap();
-    mesh.mark_nodes("middle", |x| x == [1.0, 1.0, 0.0]);
-    mesh.mark_nodes("corner", |x| x == [2.0, 1.0, 0.0]);
-    let system = floating(mesh);
-    let rows = system
-        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
-        .unwrap();
+    let (system, rows) = block_on_table();
     let random = &mut Random::new(3);
     let mut counts = [0; 2];
     for k in 0..120 {
@@ -143,14 +157,7 @@ fn a_block_is_held_where_statics_says_so() {
         if least.abs() < 1e-3 {
             continue;
         }
-        let force = |group: &str, of: [f64; 2]| {
-            system
-                .nodal_force(group, |_| [WEIGHT * of[0], WEIGHT * of[1], 0.0])
-                .unwrap()
-        };
-        let (a, b) = (force("middle", middle), force("corner", corner));
-        let load = a.iter().zip(&b).map(|(a, b)| a + b).collect::<Vec<f64>>();
-        let body = semismooth::contact_body(&system, &rows, LoadPath::constant(load)).unwrap();
+        let body = semismooth::contact_body(&system, &rows, pushed(&system, middle, corner)).unwrap();
         let problem = FullContact::new(body, PlanarCoulomb::new(coefficient(f))).unwrap();
         let found = problem.solve(0.0, None);
         if least < 0.0 {
@@ -198,7 +205,8 @@ fn a_cube_is_held_in_all_directions() {
     is_unbalanced(problem.solve(1.2 * limit, None));
 }
 
-/// One block on another on a table: both stay while the pull on the upper one is below the lesser of the bounds of both interfaces.
+/// One block on another on a table: both stay while the pull on the upper one is below the lesser of the bounds of both interfaces, in both
+/// forms alike.
 #[test]
 fn stacks_stand_by_friction() {
     let lower = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2]).unwrap();
@@ -248,7 +256,12 @@ fn stacks_stand_by_friction() {
     let mut friction = vec![0.3; p];
     friction.extend(vec![0.4; between.nodes.len()]);
     let law = PlanarCoulomb::new(FrictionCoefficient::nodal(friction).unwrap());
-    let problem = FullContact::new(body, law).unwrap();
+    let (problem, condensed, motions) = both(&body, law);
+    assert_eq!(motions, 6);
+    for alpha in [0.0, 0.1, -0.2, 0.3] {
+        same_solution(&problem, &condensed, alpha, &format!("stack, {alpha}"));
+    }
+    is_unbalanced(condensed.solve(0.45, None));
     let x = problem.solve(0.3, None).unwrap();
     let nodes = problem.solution(&x).unwrap().nodes;
     let sum = |of: &dyn Fn(usize) -> f64, nodes: std::ops::Range<usize>| nodes.map(of).sum::<f64>();
@@ -345,31 +358,17 @@ fn held<L: NodeLaw + Clone>(body: &ContactBody, law: L, motions: usize) {
     is_unbalanced(condensed.solve(0.55, None));
 }
 
-/// Two forces at random on a block, and random loads on a stack of two: both forms find the same, or the same reason why there is nothing
-/// to be found.
+/// Two forces at random on a block: both forms find the same, or the same reason why there is nothing to be found.
 #[test]
 fn both_forms_agree_on_random_loads() {
-    let mut mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2]).unwrap();
-    mesh.mark_nodes("middle", |x| x == [1.0, 1.0, 0.0]);
-    mesh.mark_nodes("corner", |x| x == [2.0, 1.0, 0.0]);
-    let system = floating(mesh);
-    let rows = system
-        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
-        .unwrap();
+    let (system, rows) = block_on_table();
     let random = &mut Random::new(11);
     let mut counts = [0; 2];
     for k in 0..60 {
         let f = [0.2, 0.5, 1.0][k % 3];
         let mut uniform = |size: f64| random.between(-size, size);
         let (a, b) = ([uniform(0.5), uniform(0.4) - 0.8], [uniform(0.3), uniform(0.5)]);
-        let force = |group: &str, of: [f64; 2]| {
-            system
-                .nodal_force(group, |_| [WEIGHT * of[0], WEIGHT * of[1], 0.0])
-                .unwrap()
-        };
-        let (one, two) = (force("middle", a), force("corner", b));
-        let load = one.iter().zip(&two).map(|(a, b)| a + b).collect::<Vec<f64>>();
-        let body = semismooth::contact_body(&system, &rows, LoadPath::constant(load)).unwrap();
+        let body = semismooth::contact_body(&system, &rows, pushed(&system, a, b)).unwrap();
         let (full, condensed, _) = both(&body, PlanarCoulomb::new(coefficient(f)));
         match full.solve(0.0, None) {
             Ok(_) => {

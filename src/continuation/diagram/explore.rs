@@ -260,7 +260,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         let Arm {
             direction, tangent, ..
         } = &vertex.arms[end.arm].arm;
-        // Where the bound lies on the arm within the vertex itself, that is known no better.
+        // The vertex is known to its width only: a bound that the arm meets within it is met at the vertex.
         let rate = tangent.last().map_or(0.0, |rate| rate.abs());
         let within = rate * self.width(&vertex.x);
         let near = |bound: f64| {

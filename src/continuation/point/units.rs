@@ -184,7 +184,7 @@ pub(super) fn own_sizes(x: &[f64]) -> Vec<f64> {
 /// The size of each variable, a power of two: its own, the change that rounding of the terms of a row cannot tell from it, or the size in
 /// which columns of the Jacobian, or of its changes over the sizes `before`, are balanced, whichever is largest. Balanced sizes are known
 /// up to a common factor: it is that of the variables that are no rounding errors of 0, and their geometric mean is 1 where all are.
-/// `nothing` says which have been such errors so far, and stay it: where sizes are found in several passes they would swing otherwise.
+/// `nothing` marks the variables that counted as such errors in an earlier pass. They go on doing so, as sizes would else swing.
 pub(super) fn sizes(
     jac: &Matrix,
     mut changes: Matrix,
