@@ -57,7 +57,7 @@ fn pushed(system: &ElasticSystem, middle: [f64; 2], corner: [f64; 2]) -> LoadPat
         let force = |_| [WEIGHT * x, WEIGHT * y, 0.0];
         system.nodal_force(group, force).unwrap()
     });
-    LoadPath::constant(a.iter().zip(&b).map(|(a, b)| a + b).collect())
+    LoadPath::constant(a.iter().zip(&b).map(|(a, b)| a + b).collect::<Vec<_>>())
 }
 
 fn is_unbalanced(found: Result<Vec<f64>, ContactError>) {
