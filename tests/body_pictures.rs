@@ -183,6 +183,11 @@ fn bad_pictures_are_refused() {
             Err(OutputError::Node { node: 2 })
         ));
     }
+    let error = new()
+        .with_displacements(vec![0.0; 8], f64::NAN)
+        .to_svg()
+        .unwrap_err();
+    assert!(error.to_string().contains("magnification"), "{error}");
     let class = SegmentStyle::contact(ContactState::Open, false);
     assert!(matches!(
         new().with_mark(4, class).to_svg(),

@@ -8,6 +8,7 @@ use super::plane::LARGEST;
 use super::shape::{Anchor, Pixel, Shape};
 use super::{FRAME, SMALL, TEXT, legend, line, svg, text, write_picture};
 use crate::fem::Mesh;
+use crate::input::check_options;
 use crate::output::OutputError;
 use crate::output::diagram::{Colour, SegmentStyle};
 use crate::sparse::dot;
@@ -132,8 +133,8 @@ impl<'a> BodyPicture<'a> {
     /// The picture as SVG; the same body gives the same text.
     ///
     /// # Errors
-    /// Meshes without cells, displacements and fields of the wrong length, positions that are not finite, marks at nodes that do not exist,
-    /// sizes out of range.
+    /// Meshes without cells, displacements and fields of the wrong length, positions and magnifications that are not finite, marks at nodes
+    /// that do not exist, sizes out of range.
     pub fn to_svg(&self) -> Result<String, OutputError> {
         Ok(svg::write(&self.shapes()?, self.size, &self.title))
     }
@@ -160,6 +161,8 @@ impl<'a> BodyPicture<'a> {
                 panels: 1,
             });
         }
+        let magnified = self.magnification;
+        check_options(&[("magnification", magnified, magnified.is_finite(), "finite")])?;
         let wrong = |name: &str, expected: usize, found: usize| {
             Err(OutputError::Field {
                 name: name.to_owned(),
