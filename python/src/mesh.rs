@@ -30,16 +30,16 @@ const KINDS: [(CellKind, &str, &str); 14] = [
 /// Cells of one kind: its name, and their nodes.
 type Block<'py> = (&'static str, Bound<'py, PyArray2<i64>>);
 
-/// A mesh of triangles and quadrilaterals in the plane, or of tetrahedra, hexahedra, wedges and pyramids in space, with named groups of cells (for
-/// materials) and of facets (edges or faces, for supports, loads and contact).
+/// A mesh of triangles and quadrilaterals in the plane, or of tetrahedra, hexahedra, wedges and pyramids in space, with named groups of cells
+/// (for materials) and of facets (edges or faces, for supports, loads and contact).
 ///
 /// Parameters
 /// ----------
 /// points : array of shape (number of nodes, d), d = 2 or 3
 /// cells : dict, or list of pairs
 ///     Kind ("triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid", and of second order "triangle6", "quad8", "quad9", "tetra10",
-///     "hexahedron20", "hexahedron27", "wedge15", "pyramid13", as meshio calls them) and an integer array of shape (k, nodes of a cell), numbered as in meshio and VTK. Cells
-///     numbered clockwise are reversed.
+///     "hexahedron20", "hexahedron27", "wedge15", "pyramid13", as meshio calls them) and an integer array of shape (k, nodes of a cell),
+///     numbered as in meshio and VTK. Cells numbered clockwise are reversed.
 /// facets, cell_groups, nodes : dict, optional
 ///     Names with facets, an integer array of shape (k, nodes of a facet) or a list of lists (corners alone may be given); with cells; and with
 ///     nodes: numbers, or a mask of shape (number of cells,) or (number of nodes,).
