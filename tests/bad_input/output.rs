@@ -307,7 +307,7 @@ fn pictures(t: &mut Table, branch: &Branch) {
         t.refuses(
             "output::BodyPicture::to_svg",
             "the magnification",
-            "node 0",
+            "magnification",
             || body().with_displacements(vec![1.0; 8], bad).to_svg(),
         );
         t.survives("output::BodyPicture::to_svg", "a field", || {
