@@ -179,8 +179,14 @@ impl Curve<'_> {
         let step = self.next.s.max(f64::MIN_POSITIVE);
         let reach = self.setup.options.vanishing_distance * (1.0 + norm(&self.here.x));
         let stretch = self.stretch();
+        // Up to the point of an arm that was found with it, the facets met at its vertex are on the side that the arm is on.
+        let met = match self.here.probe.is_empty() {
+            true => Vec::new(),
+            false => self.vanishing_here(&[]),
+        };
+        let known = |index: usize| self.is_grazing(index) || met.iter().any(|v| v.index == index);
         let mut all = Vec::new();
-        for (index, facet) in self.facets().filter(|f| !self.is_grazing(f.0)) {
+        for (index, facet) in self.facets().filter(|f| !known(f.0)) {
             let sample = |s: f64, theta: &[f64], rate: f64| Sample {
                 s,
                 value: facet.sign() * theta[index],

@@ -13,15 +13,11 @@ const FADING: f64 = 0.5;
 const SAFETY: f64 = 10.0;
 
 impl Curve<'_> {
-    /// Predicts, unless a prediction is given, and corrects; fills `next` if the corrected point is acceptable.
-    pub(super) fn try_step(
-        &mut self,
-        h: f64,
-        prediction: Option<&[f64]>,
-    ) -> Result<Option<Accepted>, ContinuationError> {
+    /// Predicts, unless a point of the arm that is left along is known, and corrects; fills `next` if the corrected point is acceptable.
+    pub(super) fn try_step(&mut self, h: f64) -> Result<Option<Accepted>, ContinuationError> {
         self.next.predict(&self.here, h);
-        if let Some(x) = prediction {
-            self.next.x.copy_from_slice(x);
+        if !self.here.probe.is_empty() {
+            self.next.x.copy_from_slice(&self.here.probe);
         }
         let o = &self.setup.options;
         let tolerances = (o.residual_tolerance, o.step_tolerance * (norm(&self.here.x) + h));

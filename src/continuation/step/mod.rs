@@ -79,10 +79,14 @@ impl Curve<'_> {
             h = (FIRST * h).max(self.setup.options.min_step);
         }
         // Next to a singular point rounding does not tell arms apart: the first step ends where it does.
-        let probe = std::mem::take(&mut self.here.probe);
-        let mut ahead = (leaves_singular && !probe.is_empty()).then(|| self.here.progress_to(&probe));
-        ahead = ahead.filter(|s| *s > 0.0 && *s <= limit);
-        h = ahead.unwrap_or(h);
+        if !self.here.probe.is_empty() {
+            let ahead = self.here.progress_to(&self.here.probe);
+            if leaves_singular && ahead > 0.0 && ahead <= limit {
+                h = ahead;
+            } else {
+                self.here.probe.clear();
+            }
+        }
         let (mut rejected, mut crossing) = (0, false);
         loop {
             if h < self.setup.options.min_step {
@@ -99,7 +103,7 @@ impl Curve<'_> {
             if let Some(Accepted {
                 corrections,
                 curvature,
-            }) = self.try_step(h, ahead.map(|_| probe.as_slice()))?
+            }) = self.try_step(h)?
             {
                 match self.event_inside()? {
                     Ok(first) => {
@@ -128,7 +132,7 @@ impl Curve<'_> {
                 self.pace.creeping = 0;
                 return self.arrive(Some(event), 0);
             }
-            ahead = None;
+            self.here.probe.clear();
             h *= self.setup.options.shrink;
             rejected += 1;
             self.told.termination = self.setup.is_over();
