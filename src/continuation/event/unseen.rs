@@ -61,6 +61,7 @@ impl Curve<'_> {
         let high = self.next.clone();
         let mut state = high.clone();
         let width = self.width(&high.x, high.s);
+        let floor = self.floor(monitor)?;
         // Each with whether it is to be halved: brackets would else shrink from one side only.
         let mut brackets = vec![(ends, false)];
         for _ in 0..LIMIT {
@@ -74,14 +75,15 @@ impl Curve<'_> {
             let place = dip([a.value, b.value], [a.rate * length, b.rate * length]);
             let place = place.filter(|_| !halve).map_or(0.5, |p| p.0);
             let s = a.s + length * place;
-            let s = if s > a.s && s < b.s { s } else { a.s + 0.5 * length };
+            let inside = s > a.s + width && s < b.s - width;
+            let s = if inside { s } else { a.s + 0.5 * length };
             if !self.find_state(s, &high, &mut state, Find::Tangent)? {
                 return Ok(Err(Unresolved::Event));
             }
             let Some(sample) = self.sample(monitor, &state, s)? else {
                 return Ok(Ok(None));
             };
-            if sample.value < 0.0 {
+            if sample.value < -floor {
                 return Ok(Ok(Some(state)));
             }
             for part in [[sample, b], [a, sample]] {
@@ -89,6 +91,18 @@ impl Curve<'_> {
             }
         }
         Ok(Ok(None))
+    }
+
+    /// How far below zero rounding may put the value of a monitor: a step may begin on the facet, along which the curve runs to first order.
+    fn floor(&mut self, monitor: Monitor) -> Result<f64, ContinuationError> {
+        let Monitor::Facet { index, .. } = monitor else {
+            return Ok(0.0);
+        };
+        let met = self.vanishing_here(&[]);
+        let Some(met) = met.iter().find(|v| v.index == index) else {
+            return Ok(0.0);
+        };
+        Ok(self.rounding_here()?.of(met))
     }
 
     fn sample(
