@@ -69,19 +69,25 @@ impl<O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'_, O> {
 
 /// The point of an arc at a distance before its end.
 fn behind(map: &dyn PiecewiseSmooth, arc: &Arc, end: &Point, radius: f64) -> Option<Vec<f64>> {
-    let last = arc.points.iter().rev().find(|p| distance(&p.x, &end.x) > 0.0)?;
-    let length = distance(&last.x, &end.x);
-    if length <= radius {
-        return Some(last.x.clone());
-    }
-    let mut corrector = MoorePenrose::new(map, solver()).ok()?;
-    // Where curves cross the tangent at the end is any one between theirs.
-    let end = &Point {
-        tangent: mirrored_tangent((&last.x, &last.tangent), &end.x),
-        ..end.clone()
+    let far = |p: &Point| distance(&p.x, &end.x);
+    let last = arc.points.iter().rposition(|p| far(p) > 0.0)?;
+    let Some(k) = arc.points.iter().rposition(|p| far(p) > radius) else {
+        return Some(arc.points[last].x.clone());
     };
-    let found = Stretch::new(last, end)?
-        .at(map, &mut corrector, 1.0 - radius / length)
+    let mut corrector = MoorePenrose::new(map, solver()).ok()?;
+    let before = &arc.points[k];
+    let after = if k < last { &arc.points[k + 1] } else { end };
+    // Where curves cross the tangent at the end is any one between theirs.
+    let after = &Point {
+        tangent: match k < last {
+            true => after.tangent.clone(),
+            false => mirrored_tangent((&before.x, &before.tangent), &end.x),
+        },
+        ..after.clone()
+    };
+    let share = (far(before) - radius) / (far(before) - far(after));
+    let found = Stretch::new(before, after)?
+        .at(map, &mut corrector, share)
         .ok()??;
     Some(found.0)
 }

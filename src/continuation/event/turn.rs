@@ -226,15 +226,14 @@ impl Curve<'_> {
         Ok((met && distance(&y, &guess) <= 0.5 * radius).then_some(y))
     }
 
-    /// The arm to follow: the only one, or the one that goes straight on.
+    /// The arm to follow: the only one, or the one that goes straight on, with the followed selection if there are several.
     fn choose(&self, arms: &Arms) -> Option<usize> {
+        let straight = |k: &usize| distance(&arms.list[*k].tangent, &self.here.t) < STRAIGHT;
+        let own = |k: &usize| arms.list[*k].selection == self.path.selection;
         match arms.list.len() {
             0 => None,
             1 => Some(0),
-            _ => arms
-                .list
-                .iter()
-                .position(|a| distance(&a.tangent, &self.here.t) < STRAIGHT),
+            n => (0..n).filter(straight).find(own).or((0..n).find(straight)),
         }
     }
 

@@ -5,6 +5,8 @@ use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
 use crate::continuation::error::if_solved;
+use crate::continuation::point::coincidence::Rounding;
+use crate::piecewise::Vanishing;
 use crate::sparse::norm;
 use crate::tolerances::TANGENTIAL;
 
@@ -21,21 +23,31 @@ struct Sample {
     rate: f64,
 }
 
+/// Where a step ends now.
+pub(super) enum Cut {
+    /// Where it did.
+    Nowhere,
+    /// Nearer, at a point beyond an event.
+    Beyond,
+    /// Nearer, at an event.
+    At(Monitor),
+}
+
 impl Curve<'_> {
-    /// Ends the step where α̇, a test function or a monitor function has the other sign than at both ends. `Ok(false)` where there is no
-    /// such place.
-    pub(super) fn cut_unseen(&mut self) -> Result<Result<bool, Unresolved>, ContinuationError> {
+    /// Ends the step where α̇, a test function or a monitor function has the other sign than at both ends, or where a test function touches
+    /// zero.
+    pub(super) fn cut_unseen(&mut self) -> Result<Result<Cut, Unresolved>, ContinuationError> {
         if self.map.is_piecewise_affine() {
-            return Ok(Ok(false));
+            return Ok(Ok(Cut::Nowhere));
         }
         let mut all = self.falling_facets();
         self.falling_rate(&mut all)?;
         self.falling_monitors(&mut all);
-        let mut cut = false;
+        let mut cut = Cut::Nowhere;
         for (monitor, ends) in all {
             // Only up to the place found for another one.
             if ends[1].s > self.next.s {
-                return Ok(Ok(true));
+                break;
             }
             match self.least(monitor, ends)? {
                 Err(unresolved) => return Ok(Err(unresolved)),
@@ -44,15 +56,19 @@ impl Curve<'_> {
                     self.complete_state(&mut state)?;
                     self.next = state;
                     self.find_headings()?;
-                    cut = true;
+                    cut = match monitor {
+                        Monitor::Facet { index, .. } if self.next.theta[index] == 0.0 => Cut::At(monitor),
+                        _ => Cut::Beyond,
+                    };
                 }
             }
         }
         Ok(Ok(cut))
     }
 
-    /// A point between two samples at which the monitor is negative, if there is one. Between samples it is taken to be convex, where their
-    /// rates allow it, and else to be the cubic with their values and rates: where neither falls below zero there is none.
+    /// A point between two samples at which the monitor is negative, if there is one, or at which a test function touches zero within
+    /// rounding. Between samples it is taken to be convex, where their rates allow it, and else to be the cubic with their values and
+    /// rates: where neither falls below zero there is none.
     fn least(
         &mut self,
         monitor: Monitor,
@@ -62,14 +78,15 @@ impl Curve<'_> {
         let mut state = high.clone();
         let width = self.width(&high.x, high.s);
         let floor = self.floor(monitor)?;
+        let mut touch: Option<(f64, State)> = None;
         // Each with whether it is to be halved: brackets would else shrink from one side only.
         let mut brackets = vec![(ends, false)];
         for _ in 0..LIMIT {
             let Some(([a, b], halve)) = brackets.pop() else {
-                return Ok(Ok(None));
+                break;
             };
             let length = b.s - a.s;
-            if !may_fall_below_zero(&a, &b) || length <= width {
+            if (touch.is_none() && !may_fall_below_zero(&a, &b)) || length <= width {
                 continue;
             }
             let place = dip([a.value, b.value], [a.rate * length, b.rate * length]);
@@ -83,6 +100,21 @@ impl Curve<'_> {
             let Some(sample) = self.sample(monitor, &state, s)? else {
                 return Ok(Ok(None));
             };
+            // Where a function touches zero the place of its least value is better known than the value.
+            let nearer = touch.as_ref().is_none_or(|t| sample.rate.abs() < t.0);
+            if nearer && let Some(state) = self.touching(monitor, &state, sample, floor)? {
+                touch = Some((sample.rate.abs(), state));
+                let rest = if sample.rate > 0.0 {
+                    [a, sample]
+                } else {
+                    [sample, b]
+                };
+                brackets = vec![(rest, false)];
+                continue;
+            }
+            if touch.is_some() {
+                break;
+            }
             if sample.value < -floor {
                 return Ok(Ok(Some(state)));
             }
@@ -90,7 +122,38 @@ impl Curve<'_> {
                 brackets.push((part, part[1].s - part[0].s > 0.5 * length));
             }
         }
-        Ok(Ok(None))
+        Ok(Ok(touch.map(|t| t.1)))
+    }
+
+    /// The state, with a value of 0, where the value is within rounding of 0 although the step does not begin on the facet.
+    fn touching(
+        &mut self,
+        monitor: Monitor,
+        state: &State,
+        sample: Sample,
+        floor: f64,
+    ) -> Result<Option<State>, ContinuationError> {
+        let Monitor::Facet { index, .. } = monitor else {
+            return Ok(None);
+        };
+        if floor > 0.0 {
+            return Ok(None);
+        }
+        let v = Vanishing::new(
+            &self.map,
+            &self.setup.layout,
+            &self.path.selection,
+            index,
+            &state.x,
+        );
+        let before = self.here.x.clone();
+        match self.rounding_at((&state.x, &state.t), &before)? {
+            rounding @ Rounding::Measured { .. } if sample.value.abs() <= rounding.of(&v) => {}
+            _ => return Ok(None),
+        }
+        let mut state = state.clone();
+        state.theta[index] = 0.0;
+        Ok(Some(state))
     }
 
     /// How far below zero rounding may put the value of a monitor: a step may begin on the facet, along which the curve runs to first order.

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use super::singular::{LOCATED, ZERO_DETERMINANT};
+use super::unseen::Cut;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
 use crate::continuation::error::if_solved;
@@ -66,11 +67,15 @@ impl Curve<'_> {
                 compared = true;
                 match self.cut_unseen()? {
                     Err(unresolved) => return Ok(Err(unresolved)),
-                    Ok(true) => {
+                    Ok(Cut::Nowhere) => {}
+                    Ok(cut) => {
                         found.clear();
+                        found.extend(match cut {
+                            Cut::At(monitor) => Some(monitor),
+                            _ => None,
+                        });
                         compared = false;
                     }
-                    Ok(false) => {}
                 }
                 continue;
             };
@@ -149,11 +154,12 @@ impl Curve<'_> {
         let (t0, t1) = (self.here.t[last], self.next.t[last]);
         let (lower, upper) = self.setup.options.parameter_range;
         let vertical = (self.here.heading, self.next.heading) == (Some(0), Some(0));
+        let rounding = self.width(&self.here.x, step);
         let touched = self.touched_bound(located)?;
         let targets = self.setup.options.targets.iter().map(|&v| (v, false));
         for (value, is_bound) in targets.chain([(lower, true), (upper, true)]) {
             // Vertical segments on a bound stay on it.
-            if is_bound && (touched == Some(value) || (vertical && a0 == value)) {
+            if is_bound && (touched == Some(value) || (vertical && (a0 - value).abs() <= rounding)) {
                 continue;
             }
             let arrived = a1 == value && a0 != value;
@@ -218,7 +224,11 @@ impl Curve<'_> {
                 let next = std::mem::take(&mut self.next);
                 let rate = self.rate_of_parameter(&next);
                 self.next = next;
-                if rate?.is_none_or(|(rate, rounding)| rate.abs() > rounding) {
+                // The facet is met to rounding along the curve, too, over which α̇ changes as over the step.
+                let last = self.here.t.len() - 1;
+                let change = (self.next.t[last] - self.here.t[last]) / self.next.s.max(f64::MIN_POSITIVE);
+                let moved = change.abs() * self.width(&self.here.x, self.next.s);
+                if rate?.is_none_or(|(rate, rounding)| rate.abs() > rounding + moved) {
                     return Ok(None);
                 }
             }

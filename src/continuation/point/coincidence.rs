@@ -104,11 +104,20 @@ impl Curve<'_> {
         near
     }
 
+    /// Rounding at `here`, where the curve came from `next`.
     pub(in crate::continuation) fn rounding_here(&mut self) -> Result<Rounding, ContinuationError> {
-        // The point was computed from the one before, and has its rounding errors where it is itself near zero.
-        let pairs = self.here.x.iter().zip(&self.next.x);
+        let [x, t, before] = [&self.here.x, &self.here.t, &self.next.x].map(Clone::clone);
+        self.rounding_at((&x, &t), &before)
+    }
+
+    /// Rounding at a point with its tangent, which was computed from the one before and has its rounding errors where it is itself near zero.
+    pub(in crate::continuation) fn rounding_at(
+        &mut self,
+        (x, t): (&[f64], &[f64]),
+        before: &[f64],
+    ) -> Result<Rounding, ContinuationError> {
+        let pairs = x.iter().zip(before);
         let sizes: Vec<f64> = pairs.map(|(a, b)| a.abs().max(b.abs())).collect();
-        let (x, t) = (&self.here.x, &self.here.t);
         let at = (self.corrector).linearize_again(&self.map, &self.path.selection, x, Some(t));
         let noise = match if_solved(at)? {
             Some(mut at) => if_solved(at.noise(&self.map, (x, &sizes), t))?,
