@@ -155,6 +155,28 @@ impl<'a> Curve<'a> {
         self.next.orientation.is_some() && ahead.max(behind) > 1.0
     }
 
+    /// Recomputes the tangents at both ends, which are those of the previous iterates, and how fast the regularity of ∇H falls along them:
+    /// next to curves that cross at a small angle a tangent that is off by as much leads to the other curve. `false` next to singular points.
+    pub(super) fn refine_declines(&mut self) -> Result<bool, ContinuationError> {
+        let h = self.next.s;
+        for state in [&mut self.here, &mut self.next] {
+            if state.decline.is_none() {
+                continue;
+            }
+            let at_fold = state.t.last() == Some(&0.0);
+            let (map, selection) = (&self.map, &self.path.selection);
+            let Some(at) = sharpen(&mut self.corrector, map, selection, &state.x, &mut state.t)? else {
+                return Ok(false);
+            };
+            if at_fold && let Some(rate) = state.t.last_mut() {
+                *rate = 0.0;
+            }
+            let (decline, _) = (self.scale.regularity).decline(at, map, &self.scale.rows, state, h)?;
+            state.decline = Some(decline);
+        }
+        Ok(true)
+    }
+
     /// Recomputes the tangents at both ends, which are those of the previous iterates, and returns their
     /// distance, with the noise of the latter. That at a singular point, where kernels are noise, is kept.
     pub(super) fn sharpen_tangents(&mut self) -> Result<(f64, f64), ContinuationError> {

@@ -53,7 +53,7 @@ impl Curve<'_> {
     fn event_inside(&mut self) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
         let first = self.first_event()?;
         let Ok(event) = first else { return Ok(first) };
-        if !self.passes_unseen(event) {
+        if !self.passes_unseen(event) || (self.refine_declines()? && !self.passes_unseen(event)) {
             return Ok(first);
         }
         let on_bound = matches!(event, Some(Monitor::Parameter { last: true, .. }));
