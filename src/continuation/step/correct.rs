@@ -103,7 +103,7 @@ mod tests {
         for k in 1..50 {
             curve.scale.rows = vec![0.0];
             let h = 1e-3 * f64::from(k);
-            assert!(curve.try_step(h, None).unwrap().is_some(), "{h}");
+            assert!(curve.try_step(h).unwrap().is_some(), "{h}");
             assert!((curve.next.x[0] - curve.next.x[1].exp_m1()).abs() < 1e-15);
         }
     }
