@@ -36,9 +36,6 @@ const OPEN: [&str; 4] = [
     "two of four complex lines",
 ];
 
-/// Families of codimension 0 and 1 of which some members are still left undecided, in the units told.
-const DOUBTFUL: [&str; 1] = ["transcritical, slope 1e-3 to 0.1"];
-
 type Examine = fn(&Entry, &mut Random) -> Findings;
 
 fn member(draw: fn(&mut Random) -> Entry, examine: Examine, name: &str, seed: u64) -> (Findings, u8) {
@@ -112,10 +109,10 @@ fn families(name: &str, chosen: impl Fn(&str) -> bool, examine: Examine) {
             c.instances, c.wrong, c.falsely_complete, c.folds, c.missing, c.estimated, c.undecided
         ));
         let open = OPEN.contains(family);
-        let decided = told && codim <= 1 && !DOUBTFUL.contains(family);
+        let decided = told && codim <= 1;
         let bad = c.falsely_complete > 0 || (!open && c.wrong + c.folds > 0);
-        // Undecided are at most one of a hundred.
-        if bad || (decided && c.undecided > c.instances / 100) {
+        // Undecided are at most one of a hundred, and so are those with something missing.
+        if bad || (decided && c.undecided.max(c.missing) > c.instances / 100) {
             faults.push(*family);
         }
     }
@@ -216,7 +213,8 @@ fn told_sizes_and_crossings_on_bounds_are_no_limits() {
 /// Members with faults of one kind each: sizes of variables that swung about the point of a cube; curves that left crossings at small angles
 /// by steps among rounding errors; bounds within the error of a vertex; arrivals along a kink, where selections on both sides are singular at
 /// one point; curves that were followed on the other side of a kink that they touch; arms that touch one another and a kink, seen from a curve
-/// that passes them, left and arrived at; vertical segments, and facets where α turns, within rounding of a bound.
+/// that passes them, left and arrived at; vertical segments, and facets where α turns, within rounding of a bound; crossings at small angles that
+/// regularity measured along the last iterate's tangent announces too early.
 #[test]
 fn curves_arrive_at_and_leave_degenerate_points() {
     decided(&[
@@ -239,6 +237,9 @@ fn curves_arrive_at_and_leave_degenerate_points() {
         ("curved kink, four arms", 38),
         ("vertical on one side", 0),
         ("fold, one tangent vertical", 23),
+        ("transcritical, slope 1e-3 to 0.1", 8),
+        ("transcritical, slope 1e-3 to 0.1", 41),
+        ("pitchfork, subcritical", 36),
     ]);
 }
 

@@ -223,7 +223,9 @@ impl Curve<'_> {
         let last = self.here.x.len() - 1;
         // A fold beyond which the step goes on is located first.
         let turned = self.next.heading != Some(heading) && self.next.t[last].abs() > TANGENTIAL;
-        if heading == 0 || turned || !regular {
+        // Up to the point of an arm that was found with it α goes the way that the arm goes.
+        let known = !self.here.probe.is_empty();
+        if heading == 0 || turned || !regular || known {
             return Ok(());
         }
         let sign = f64::from(heading);
