@@ -344,6 +344,42 @@ pub(super) fn dip(g: [f64; 2], d: [f64; 2]) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::continuation::testing::{Function, Plane};
+    use crate::piecewise::Facet;
+
+    /// Along y = 0 from α = 0 to 3, whose ends are inside, (α − 1)² touches zero at 1; lifted it does not, and lowered it has a zero before 1.
+    #[test]
+    fn facets_are_touched_where_their_functions_are_least() {
+        let touched: Function = |_, a| [(a - 1.0).powi(2), 0.0, 2.0 * (a - 1.0)];
+        let lifted: Function = |_, a| [(a - 1.0).powi(2) + 1e-12, 0.0, 2.0 * (a - 1.0)];
+        let lowered: Function = |_, a| [(a - 1.0).powi(2) - 1e-6, 0.0, 2.0 * (a - 1.0)];
+        for (test, place) in [(touched, Some(1.0)), (lifted, None), (lowered, Some(0.999))] {
+            let mut map = Plane::within(|y, _| [y, 1.0, 0.0], &[test]);
+            map.cells = vec![vec![Facet::positive(0)]];
+            let mut run = map.curve(0.0, 0.0);
+            let curve = run.curve.erased_mut();
+            curve.step_to([0.0, 3.0], [0.0, 1.0]);
+            let event = curve.first_event().unwrap().ok().unwrap();
+            assert_eq!(event.is_some(), place.is_some(), "{place:?}: {event:?}");
+            let found = curve.next.x[1];
+            assert!((found - place.unwrap_or(3.0)).abs() < 1e-13, "{place:?}: {found}");
+        }
+    }
+
+    /// A step that begins on the facet, along which the curve runs to first order, does not touch it there.
+    #[test]
+    fn facets_are_not_touched_at_the_start() {
+        let mut map = Plane::within(
+            |y, _| [y, 1.0, 0.0],
+            &[|_, a| [a * a - 1e-17 * a, 0.0, 2.0 * a - 1e-17]],
+        );
+        map.cells = vec![vec![Facet::positive(0)]];
+        let mut run = map.curve(0.0, 0.0);
+        let curve = run.curve.erased_mut();
+        curve.step_to([0.0, 1.0], [0.0, 1.0]);
+        assert_eq!(curve.first_event().unwrap().ok(), Some(None));
+        assert_eq!(curve.next.x[1], 1.0);
+    }
 
     /// The cubic in the form of Bernstein on a grid; the parabola (1 − 2u)², whose least value is at a root of a linear equation.
     #[test]
