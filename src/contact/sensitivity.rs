@@ -300,7 +300,7 @@ impl<V: View> ContactSensitivity<V> {
     ///
     /// # Errors
     /// [`SensitivityError::AtSolution`] where δ changes a parameter of the body ([`ContactParameters::with_body`]), whose columns are known
-    /// at this solution alone; otherwise as [`Sensitivity::valid_until`].
+    /// at this solution alone: [`valid_along`](crate::sensitivity::valid_along) takes the problems along δ; otherwise as [`Sensitivity::valid_until`].
     pub fn valid_until(&mut self, delta: &[f64], horizon: f64) -> Result<Validity, SensitivityError> {
         let changed = |j: &&usize| delta.get(**j).is_some_and(|d| *d != 0.0);
         if let Some(&parameter) = self.at_solution.iter().find(changed) {

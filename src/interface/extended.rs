@@ -245,6 +245,11 @@ impl<V: View, G: PiecewiseSmooth> Derivatives for Extended<V, G> {
         self.base.law.test_derivatives(&z, &dz, out);
     }
 
+    fn test_roundings(&self, x: &[f64], out: &mut [f64]) {
+        let z = self.base.with_scratch(|s| self.law_point(x, s));
+        self.base.add_roundings(&self.split(x, self.fixed()).0, &z, out);
+    }
+
     fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
         let (z, dz) = self
             .base

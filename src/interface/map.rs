@@ -12,6 +12,8 @@ use crate::piecewise::{
     PiecewiseSmooth, PiecewiseSmoothExt, Selection, Structure,
 };
 use crate::sparse::{Matrix, Pattern};
+use crate::spread::Random;
+use crate::tolerances::{ALLOWANCE, VALUE};
 
 /// A u + Bᵀ λ = f(α), G(B u, λ, α) = 0, in one of its [views](View): x = (u, λ, α) or x = (λ, α).
 ///
@@ -338,7 +340,54 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
     }
 }
 
+/// Random signs with which the rounding of the terms of equilibrium is propagated to traces.
+const PROBES: u64 = 4;
+
+impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
+    /// Adds what rounding may leave of test functions of the law at z: in condensed form, of the traces B A⁻¹ (f − Bᵀ λ), by random
+    /// roundings of the terms |A| |u|, |Bᵀ| |λ| and |f|.
+    pub(super) fn add_roundings(&self, x: &[f64], z: &[f64], out: &mut [f64]) {
+        let Some(reduced) = self.view.reduced() else {
+            return;
+        };
+        let q = self.num_traces();
+        let (lambda, parameters) = x.split_at(q);
+        let mut u = self.operator.load_at(parameters);
+        if reduced.expand(lambda, &mut u).is_err() {
+            return;
+        }
+        let mut terms = self.operator.load.terms(parameters, u.len());
+        Matrix::as_ref(&self.operator.a).add_term_sizes(&u, &mut terms);
+        Matrix::as_ref(&self.operator.b_t).add_term_sizes(lambda, &mut terms);
+        let mut largest = vec![0.0_f64; out.len()];
+        for seed in 1..=PROBES {
+            let mut spread = Random::new(seed);
+            let sign = |t: &f64| (VALUE * t).copysign(spread.symmetric());
+            let Ok(traces) = reduced.traces_of_solution(&terms.iter().map(sign).collect::<Vec<_>>()) else {
+                return;
+            };
+            let (mut dz, mut moved) = (vec![0.0; z.len()], vec![0.0; out.len()]);
+            dz[..q].copy_from_slice(&traces);
+            self.law.test_derivatives(z, &dz, &mut moved);
+            for (l, m) in largest.iter_mut().zip(&moved) {
+                *l = l.max(m.abs());
+            }
+        }
+        out.iter_mut()
+            .zip(&largest)
+            .for_each(|(o, l)| *o += ALLOWANCE * l);
+    }
+}
+
 impl<V: View, G: PiecewiseSmooth> Derivatives for Interface<V, G> {
+    fn test_roundings(&self, x: &[f64], out: &mut [f64]) {
+        let z = self.with_scratch(|s| {
+            self.parts().law_point(x, s);
+            s.z.clone()
+        });
+        self.add_roundings(x, &z, out);
+    }
+
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         self.with_scratch(|s| {
             self.parts()

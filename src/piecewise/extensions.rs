@@ -60,6 +60,11 @@ pub trait Derivatives: PiecewiseSmooth {
         differences::test_gradient(&self, site, test, x, gradient);
     }
 
+    /// Adds to `out` by how much rounding may have moved the test functions at x beside that of the variables:
+    /// of constants that were computed, as displacements A⁻¹ f are. Where solutions are differentiated, a test
+    /// function counts as zero up to that. Default: nothing.
+    fn test_roundings(&self, _x: &[f64], _out: &mut [f64]) {}
+
     /// Whether kinks are nested, so that the arguments of test functions have kinks themselves and
     /// [`tests_of_selection`](Self::tests_of_selection) differs from
     /// [`test_functions`](PiecewiseSmooth::test_functions). Default: `false`.

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::SensitivityError;
+use super::element::Known;
 use super::point::{Agreement, Compared, Solved, Verdict, compared};
 use crate::piecewise::{LocalUniqueness, PiecewiseSmooth};
 use crate::spread::Random;
@@ -104,6 +105,20 @@ impl fmt::Display for DerivativeDoubt {
     }
 }
 
+/// Generic directions of k parameters.
+fn generic(k: usize) -> impl Iterator<Item = Vec<f64>> {
+    (1..=GENERIC).map(move |seed| {
+        let mut spread = Random::new(seed);
+        (0..k).map(|_| spread.symmetric()).collect()
+    })
+}
+
+/// Directions of k parameters along which kinks are looked for: the first unit vectors and generic ones.
+pub(crate) fn directions(k: usize) -> impl Iterator<Item = Vec<f64>> {
+    let unit = move |j: usize| (0..k).map(|i| f64::from(u8::from(i == j))).collect();
+    (0..k.min(DIRECTIONS)).map(unit).chain(generic(k))
+}
+
 impl Solved {
     pub(super) fn differentiability(
         &mut self,
@@ -135,24 +150,21 @@ impl Solved {
         map: &dyn PiecewiseSmooth,
         probes: &[Vec<f64>],
     ) -> Result<Option<Differentiability>, SensitivityError> {
-        let generic = (1..=GENERIC).map(|seed| {
-            let mut spread = Random::new(seed);
-            (0..self.num_parameters()).map(|_| spread.symmetric()).collect()
-        });
-        for direction in probes.iter().take(DIRECTIONS).cloned().chain(generic) {
+        let probes = probes.iter().take(DIRECTIONS).cloned();
+        for direction in probes.chain(generic(self.num_parameters())) {
             let opposite: Vec<f64> = direction.iter().map(|d| -d).collect();
             let sides = (self.sided(map, &direction), self.sided(map, &opposite));
             let (forward, mut backward) = match sides {
                 (Err(SensitivityError::Rounding), _) | (_, Err(SensitivityError::Rounding)) => continue,
                 (forward, backward) => (forward?, backward?),
             };
-            backward.0.iter_mut().for_each(|v| *v = -*v);
+            backward.value.iter_mut().for_each(|v| *v = -*v);
             if matches!(compared(&forward, &backward), Compared::Differ) {
-                backward.0.iter_mut().for_each(|v| *v = -*v);
+                backward.value.iter_mut().for_each(|v| *v = -*v);
                 return Ok(Some(Differentiability::No {
                     direction,
-                    forward: forward.0,
-                    backward: backward.0,
+                    forward: forward.value,
+                    backward: backward.value,
                 }));
             }
         }
@@ -160,15 +172,9 @@ impl Solved {
     }
 
     /// x′(θ; δ) with the rounding of its components.
-    fn sided(
-        &self,
-        map: &dyn PiecewiseSmooth,
-        delta: &[f64],
-    ) -> Result<(Vec<f64>, Vec<f64>), SensitivityError> {
+    fn sided(&self, map: &dyn PiecewiseSmooth, delta: &[f64]) -> Result<Known, SensitivityError> {
         let branch = self.branch(map, &self.active, delta)?;
-        let mut d = branch.rate.clone();
-        d.extend(delta);
         let mut element = super::Element::new(map, &self.at, &branch.selection)?;
-        Ok((branch.rate, element.widths(&d)?))
+        Ok(element.known(branch.rate, delta)?)
     }
 }

@@ -3,10 +3,10 @@
 
 use std::fmt;
 
+use super::SensitivityError;
 use super::element::Element;
 use super::parameters::Line;
-use super::point::{Solved, Verdict};
-use super::{SensitivityError, limit};
+use super::point::{Solved, Verdict, is_too_many};
 use crate::continuation::ContinuationError;
 use crate::enumeration::{DirectionalArm, EnumerationOptions, all_arms};
 use crate::input::check_vector;
@@ -86,8 +86,7 @@ impl Solved {
             let branch = self.branch(map, &self.active, delta)?;
             return Ok(Directional::Derivative(branch.rate));
         }
-        let many = self.active.total().is_none_or(|t| t > u128::from(limit(self.n)));
-        let (branches, complete) = match many {
+        let (branches, complete) = match is_too_many(self.active.total(), self.n) {
             true => self.searched(map, delta)?,
             false => self.all_branches(map, delta)?,
         };

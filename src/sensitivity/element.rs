@@ -115,6 +115,50 @@ impl Element {
     pub(super) fn widths(&mut self, d: &[f64]) -> Result<Vec<f64>, LinearError> {
         widths(&self.jacobian, &mut self.solver, d)
     }
+
+    pub(super) fn known(&mut self, v: Vec<f64>, delta: &[f64]) -> Result<Known, LinearError> {
+        Known::new(&self.jacobian, &mut self.solver, v, delta)
+    }
+}
+
+/// A vector with what is known of the errors of its components.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Known {
+    pub(crate) value: Vec<f64>,
+    /// By how much roundings of the terms of each row may move them.
+    pub(crate) widths: Vec<f64>,
+    /// The same for the roundings of elimination, which are of the size of the largest terms of a row, in balanced units: they move
+    /// components, too, that are exactly 0.
+    pub(crate) floors: Vec<f64>,
+}
+
+impl Known {
+    /// The zero v of J v + ∂_θH δ.
+    pub(super) fn new(
+        jacobian: &Matrix,
+        solver: &mut AutoSolver,
+        value: Vec<f64>,
+        delta: &[f64],
+    ) -> Result<Self, LinearError> {
+        let n = jacobian.nrows();
+        let mut d = value.clone();
+        d.extend(delta);
+        let mut rows = vec![0.0_f64; n];
+        let own = || jacobian.triplets().filter(|t| t.1 < n && t.2 != 0.0);
+        own().for_each(|(i, _, v)| rows[i] = rows[i].max(v.abs()));
+        let mut columns = vec![0.0_f64; n];
+        own().for_each(|(i, j, v)| columns[j] = columns[j].max(v.abs() / rows[i]));
+        let largest = value
+            .iter()
+            .zip(&columns)
+            .fold(0.0_f64, |m, (v, c)| m.max((v * c).abs()));
+        rows.iter_mut().for_each(|r| *r *= largest);
+        Ok(Self {
+            widths: widths(jacobian, solver, &d)?,
+            floors: moved(solver, &rows)?,
+            value,
+        })
+    }
 }
 
 /// (∂_xH^σ, ∂_θH^σ), checked.
@@ -162,10 +206,14 @@ fn finite(v: &[f64]) -> Result<(), PiecewiseError> {
 /// How far roundings of the terms of J v + ∂_θH δ, d = (v, δ), move its zero v, component by component: |J⁻¹|
 /// |(J, ∂_θH)| |d| ε, from a few solves with random signs. Independent of the units of rows and variables.
 pub(super) fn widths(jacobian: &Matrix, solver: &mut AutoSolver, d: &[f64]) -> Result<Vec<f64>, LinearError> {
-    let n = jacobian.nrows();
-    let mut terms = vec![0.0; n];
+    let mut terms = vec![0.0; jacobian.nrows()];
     jacobian.as_ref().add_term_sizes(d, &mut terms);
-    let (mut widths, mut spread) = (vec![0.0_f64; n], Random::new(1));
+    moved(solver, &terms)
+}
+
+/// How far roundings of terms of these sizes in the rows move a solution.
+fn moved(solver: &mut AutoSolver, terms: &[f64]) -> Result<Vec<f64>, LinearError> {
+    let (mut widths, mut spread) = (vec![0.0_f64; terms.len()], Random::new(1));
     for _ in 0..PROBES {
         let sign = |t: &f64| (VALUE * t).copysign(spread.symmetric());
         let mut moved: Vec<f64> = terms.iter().map(sign).collect();

@@ -82,20 +82,11 @@ pub enum SensitivityError {
     /// A parameter enters by its derivative at the solution alone.
     #[error(
         "the equations are known as a function of parameter {parameter} only to first order at this solution, which does not say how far its \
-         piece holds; give a direction without it"
+         piece holds; give a direction without it, or a family of problems to `valid_along`"
     )]
     AtSolution {
         /// Its number, from 0.
         parameter: usize,
-    },
-    /// The accuracy of the solution does not tell on which side of a kink it is, where derivatives at kinks are not computed.
-    #[error(
-        "at {site} the solution is at a kink, or nearer to one than its accuracy shows; the full and the condensed form of the problem have \
-         the one-sided derivatives there"
-    )]
-    Kink {
-        /// Name of the site.
-        site: String,
     },
     /// Directions that do not span the parameters.
     #[error("the frame must consist of {expected} linearly independent directions")]

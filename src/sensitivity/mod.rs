@@ -20,6 +20,7 @@ mod differentiable;
 mod directional;
 mod element;
 mod error;
+mod family;
 mod parameters;
 mod point;
 mod range;
@@ -30,6 +31,7 @@ pub use differentiable::{DerivativeDoubt, Differentiability};
 pub use directional::Directional;
 pub use element::Element;
 pub use error::SensitivityError;
+pub use family::valid_along;
 pub use parameters::Loaded;
 pub use range::Validity;
 
@@ -37,7 +39,10 @@ use crate::input::check_vector;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::Matrix;
+pub(crate) use differentiable::directions;
+pub(crate) use element::Known;
 use point::Solved;
+pub(crate) use point::{differ, too_many};
 
 /// Active selections up to which kinks are examined, one factorisation each or a few: 4096, and of more than
 /// 64 unknowns 2¹⁸ over their number, so that an analysis takes seconds.
@@ -222,6 +227,14 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
             return Err(SensitivityError::Frame { expected: k });
         }
         self.solved.lexicographic(&self.map, frame.iter())
+    }
+
+    /// The element along directions that need not be a frame: as many as there are, or until it is determined.
+    pub(crate) fn element_along(
+        &self,
+        directions: impl IntoIterator<Item = Vec<f64>>,
+    ) -> Result<Element, SensitivityError> {
+        self.solved.lexicographic(&self.map, directions)
     }
 
     /// How far along δ (length k) the solutions x(θ + s δ), s > 0, stay on the piece that the directional

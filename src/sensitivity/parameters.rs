@@ -153,6 +153,11 @@ impl<P: PiecewiseSmooth> Derivatives for Loaded<P> {
     fn has_nested_kinks(&self) -> bool {
         self.map.has_nested_kinks()
     }
+    fn test_roundings(&self, x: &[f64], out: &mut [f64]) {
+        if let Some(own) = self.map.derivatives() {
+            own.test_roundings(&x[..self.map.num_vars()], out);
+        }
+    }
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         let n = self.map.num_vars();
         self.map.test_derivatives(&x[..n], &d[..n], out);

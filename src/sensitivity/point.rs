@@ -1,7 +1,7 @@
 //! A solution, the kinks it lies on, and whether the solutions nearby are one function of the parameters.
 
-use super::element::{Element, WIDTH, derivatives, rate, widths};
-use super::{SensitivityError, limit};
+use super::element::{Element, Known, WIDTH, derivatives, rate};
+use super::{DerivativeDoubt, SensitivityError, limit};
 use crate::input::{check_length, check_vector};
 use crate::linear::{AutoSolver, LinearError};
 use crate::piecewise::{
@@ -87,7 +87,10 @@ impl Solved {
         }
         let widths = polish(map, &layout, &mut at)?;
         let theta = tests(map, &layout, &at)?;
-        let hidden = hidden(map, &layout, &at, &spreads(&at, &widths), None);
+        let mut hidden = hidden(map, &layout, &at, &spreads(&at, &widths), None);
+        if let Some(own) = map.derivatives() {
+            own.test_roundings(&at, &mut hidden);
+        }
         let is_vanishing = |&t: &usize| theta[t].abs() <= hidden[t];
         let vanishing: Vec<usize> = (0..theta.len()).filter(is_vanishing).collect();
         let active = ActiveSet::from_tests(map, &layout, &theta, vanishing);
@@ -124,16 +127,11 @@ impl Solved {
     /// Whether the solutions nearby are one function, and the active selections have one derivative.
     fn examined(&self, map: &dyn PiecewiseSmooth) -> Result<Verdict, SensitivityError> {
         let total = self.active.total();
-        if total.is_none_or(|t| t > u128::from(limit(self.n))) {
-            // The first ones of so many say nothing.
-            return Ok(Verdict::Other(LocalUniqueness::Undecided {
-                examined: 0,
-                total,
-                at_least: 0.0,
-            }));
+        if is_too_many(total, self.n) {
+            return Ok(Verdict::Other(unexamined(total)));
         }
         let probes = probes(self.num_parameters());
-        let mut first: Vec<(Vec<f64>, Vec<f64>)> = Vec::new();
+        let mut first: Vec<Known> = Vec::new();
         let (mut differ, mut unclear) = (vec![false; probes.len()], false);
         let mut jacobian = Matrix::zeros(map.pattern());
         let mut compare = |selection: &Selection, solver: &mut AutoSolver| {
@@ -142,11 +140,8 @@ impl Solved {
                 if differ[k] {
                     continue;
                 }
-                let found = rate(&jacobian, solver, probe).and_then(|v| {
-                    let mut d = v.clone();
-                    d.extend(probe);
-                    Ok((v, widths(&jacobian, solver, &d)?))
-                });
+                let found =
+                    rate(&jacobian, solver, probe).and_then(|v| Ok(Known::new(&jacobian, solver, v, probe)?));
                 match found {
                     Ok(found) if first.len() == k => first.push(found),
                     Ok(found) => match compared(&first[k], &found) {
@@ -195,12 +190,13 @@ pub(super) enum Compared {
     Unclear,
 }
 
-/// Compares two vectors with the rounding of their components.
-pub(super) fn compared(a: &(Vec<f64>, Vec<f64>), b: &(Vec<f64>, Vec<f64>)) -> Compared {
+/// Compares two vectors with the rounding of their components: they are the same as far as that of the rows' terms explains, and differ
+/// where that of elimination does not explain it.
+pub(super) fn compared(a: &Known, b: &Known) -> Compared {
     let mut unclear = false;
-    for i in 0..a.0.len() {
-        let (gap, rounding) = ((a.0[i] - b.0[i]).abs(), a.1[i] + b.1[i]);
-        if gap > OTHER * rounding {
+    for i in 0..a.value.len() {
+        let (gap, rounding) = ((a.value[i] - b.value[i]).abs(), a.widths[i] + b.widths[i]);
+        if gap > OTHER * rounding.max(a.floors[i] + b.floors[i]) {
             return Compared::Differ;
         }
         unclear |= gap > ALLOWANCE * rounding;
@@ -209,6 +205,34 @@ pub(super) fn compared(a: &(Vec<f64>, Vec<f64>), b: &(Vec<f64>, Vec<f64>)) -> Co
         Compared::Unclear
     } else {
         Compared::Same
+    }
+}
+
+/// Whether two vectors differ by more than the errors of their components explain.
+pub(crate) fn differ(a: &Known, b: &Known) -> bool {
+    matches!(compared(a, b), Compared::Differ)
+}
+
+/// Why nothing is said of solutions near the origin, where more selections of a map are active than are examined.
+pub(crate) fn too_many(map: &dyn PiecewiseSmooth) -> Option<DerivativeDoubt> {
+    let layout = TestLayout::new(map);
+    let mut theta = vec![0.0; layout.total()];
+    map.test_functions(&vec![0.0; map.num_vars()], &mut theta);
+    let vanishing = (0..theta.len()).filter(|&t| theta[t] == 0.0).collect();
+    let total = ActiveSet::from_tests(map, &layout, &theta, vanishing).total();
+    is_too_many(total, map.num_residuals()).then(|| DerivativeDoubt::NotUnique(Box::new(unexamined(total))))
+}
+
+pub(super) fn is_too_many(total: Option<u128>, n: usize) -> bool {
+    total.is_none_or(|t| t > u128::from(limit(n)))
+}
+
+/// The first ones of so many selections say nothing.
+fn unexamined(total: Option<u128>) -> LocalUniqueness {
+    LocalUniqueness::Undecided {
+        examined: 0,
+        total,
+        at_least: 0.0,
     }
 }
 

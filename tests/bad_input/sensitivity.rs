@@ -1,5 +1,5 @@
 use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
-use semismooth::sensitivity::{Loaded, Sensitivity, SensitivityError};
+use semismooth::sensitivity::{Loaded, Sensitivity, SensitivityError, valid_along};
 use semismooth::sparse::Matrix;
 
 use super::table::{BAD, NOT_POSITIVE, Table, rows};
@@ -145,6 +145,25 @@ fn derivatives_of_solutions() {
     );
     t.holds("sensitivity::Element::matrix", "an element has a matrix", || {
         kink().element(&[[1.0]]).and_then(|mut e| e.matrix()).is_ok()
+    });
+    let along = "sensitivity::valid_along";
+    let family = |theta: Vec<f64>| move |_: f64| Ok::<_, SensitivityError>((loaded(), theta.clone()));
+    for bad in NOT_POSITIVE {
+        t.refuses(along, "horizon", "horizon", || {
+            valid_along(family(vec![1.0]), &[1.0], bad)
+        });
+    }
+    for bad in BAD {
+        t.refuses(along, "x", "x[0]", || valid_along(family(vec![1.0]), &[bad], 1.0));
+        t.refuses(along, "θ", "parameters[0]", || {
+            valid_along(family(vec![bad]), &[1.0], 1.0)
+        });
+    }
+    t.refuses(along, "few parameters", "parameters", || {
+        valid_along(family(vec![]), &[1.0], 1.0)
+    });
+    t.refuses(along, "no solution", "no solution", || {
+        valid_along(family(vec![1.0]), &[3.0], 1.0)
     });
     t.holds(new, "an error has a message", || {
         !SensitivityError::NotDifferentiable.to_string().is_empty()

@@ -73,7 +73,7 @@ fn branches(m: &[Vec<f64>], places: &[Place], delta: &[f64]) -> Option<Vec<Vec<f
 }
 
 /// By elimination with pivots; nothing where the matrix is singular.
-fn solved(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<Vec<f64>> {
+pub fn solved(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<Vec<f64>> {
     let n = b.len();
     let mut determinant = 1.0;
     for k in 0..n {

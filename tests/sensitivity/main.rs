@@ -4,12 +4,14 @@
 #[path = "../common/random.rs"]
 mod random;
 
+mod bodies;
 mod cones;
 mod contact;
 mod degenerate;
 mod exact;
 mod history;
 mod kinks;
+mod nested;
 mod parameters;
 mod ranges;
 mod smooth;

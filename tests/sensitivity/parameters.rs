@@ -3,15 +3,18 @@
 use std::sync::Arc;
 
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactParameters, ContactSensitivity, FrictionCoefficient, FullContact,
-    LoadCase, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedContact, ReducedOptions,
+    CondensedContact, ContactBody, ContactError, ContactParameters, ContactSensitivity, FrictionCoefficient,
+    FullContact, LoadCase, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact,
+    ReducedOptions, ReducedSensitivity,
 };
+use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionKind};
 use semismooth::fem::{
     ContactRows, Dilatation, ElasticSystem, Elasticity, Foundation, Material, MaterialConstant, Mesh,
     PlaneModel,
 };
 use semismooth::interface::View;
-use semismooth::sparse::Matrix;
+use semismooth::sensitivity::{SensitivityError, Validity, valid_along};
+use semismooth::sparse::{Matrix, NodalMatrix};
 
 use super::dot;
 use super::random::Random;
@@ -188,6 +191,14 @@ impl Data {
         CondensedContact::new(self.body(), self.law(false)).unwrap()
     }
 
+    fn reduced(&self) -> ReducedContact<Law> {
+        let (system, rows) = self.system();
+        let gap = rows.gap.iter().zip(&self.gap).map(|(a, b)| a + b).collect();
+        let body = semismooth::reduced_body(&system, &rows, self.load(&system)).unwrap();
+        let options = ReducedOptions::default().with_tolerance(1e-13);
+        ReducedContact::new(body.with_gap(gap).unwrap(), self.law(false), options).unwrap()
+    }
+
     /// (u, λ); `near` is a solution of the condensed form nearby.
     pub fn solution(&self, near: Option<&[f64]>) -> Vec<f64> {
         let problem = self.condensed();
@@ -310,6 +321,11 @@ fn all(found: &mut ContactSensitivity<impl View>, delta: &[f64]) -> Vec<f64> {
     [change.displacements, change.forces].concat()
 }
 
+fn all_alone(found: &mut ReducedSensitivity<'_>, delta: &[f64]) -> Vec<f64> {
+    let change = found.jvp(delta).unwrap();
+    [change.displacements, change.forces].concat()
+}
+
 /// Both forms give the derivatives of differences in each kind of parameters, and the adjoint of either is exact.
 fn checked(data: Data) {
     let data = &data.mixed();
@@ -379,16 +395,16 @@ fn displacements_alone() {
         let (parameters, firsts) = data.parameters(condensed.parameters(), &y);
         let mut expected = condensed.sensitivity(&x, &parameters).unwrap();
 
-        let (system, rows) = data.system();
-        let gap = rows.gap.iter().zip(&data.gap).map(|(a, b)| a + b).collect();
-        let body = semismooth::reduced_body(&system, &rows, data.load(&system)).unwrap();
-        let body = body.with_gap(gap).unwrap();
-        let options = ReducedOptions::default().with_tolerance(1e-13);
-        let mut problem = ReducedContact::new(body, data.law(false), options).unwrap();
-        let n = system.num_free();
+        let mut problem = data.reduced();
+        let n = problem.body().num_displacements();
         let u = problem.solve(data.alpha, Some(&y[..n])).unwrap().displacements;
         let mut found = problem.sensitivity(data.alpha, &u, &parameters).unwrap();
-        assert_eq!(found.differentiable(), Some(true), "{}", found.margin());
+        assert_eq!(
+            found.differentiable().unwrap().known(),
+            Some(true),
+            "{}",
+            found.margin()
+        );
         let random = &mut Random::new(6);
         for (kind, delta) in directions(&firsts, random).iter().enumerate() {
             let change = found.jvp(delta).unwrap();
@@ -408,6 +424,50 @@ fn displacements_alone() {
                 "{kind}: {forward} {adjoint}"
             );
         }
+    }
+}
+
+/// Where a node begins to slip or to lift off, in the plane and in space, the form in displacements has both one-sided derivatives and the
+/// element along the unit vectors that the condensed form has.
+#[test]
+fn transitions_in_displacements_alone() {
+    let plane = Data::plane(PlaneModel::Strain, Dilatation::Pointwise, false);
+    for data in [plane, Data::space([4, 2, 2], false)] {
+        let condensed = data.condensed();
+        let start = condensed.solve(0.0, None).unwrap();
+        let options = ContinuationOptions::default().with_parameter_range((0.0, 4.0));
+        let branch = Branch::follow(&condensed, &start, Direction::Increasing, options).unwrap();
+        let mut kinds = Vec::new();
+        for transition in &branch.transitions {
+            if transition.kind != TransitionKind::PassThrough || transition.sites.len() != 1 {
+                continue;
+            }
+            let (alpha, x) = (transition.parameter(), &transition.x);
+            let y = condensed.expand(x).unwrap();
+            let (parameters, firsts) = data.parameters(condensed.parameters(), &y);
+            let mut expected = condensed.sensitivity(x, &parameters).unwrap();
+            let mut problem = data.reduced();
+            let n = problem.body().num_displacements();
+            let mut found = problem.sensitivity(alpha, &y[..n], &parameters).unwrap();
+            let said = found.differentiable().unwrap().known();
+            assert_eq!(said, expected.differentiable().unwrap().known());
+            kinds.push(said);
+            let random = &mut Random::new(7);
+            for delta in directions(&firsts, random) {
+                for sign in [1.0, -1.0] {
+                    let delta: Vec<f64> = delta.iter().map(|d| sign * d).collect();
+                    let expected = all(&mut expected, &delta);
+                    close(&all_alone(&mut found, &delta), &expected, 1e-7, "one side");
+                }
+            }
+            let w = random.vector(y.len() - 1, 1.0);
+            let [a, b] = [found.vjp(&w[..n], &w[n..]), expected.vjp(&w[..n], &w[n..])].map(Result::unwrap);
+            close(&a, &b, 1e-7, "elements");
+        }
+        assert!(
+            kinds.iter().filter(|k| **k == Some(false)).count() >= 2,
+            "{kinds:?}"
+        );
     }
 }
 
@@ -464,6 +524,19 @@ impl Degenerate {
         .unwrap()
     }
 
+    fn reduced(&self) -> ReducedContact<PlanarCoulomb> {
+        let trace =
+            |d: usize| Matrix::from_triplets(3, 6, &[(0, d, 1.0), (1, 2 + d, 1.0), (2, 4 + d, 1.0)]).unwrap();
+        let places = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
+        let dofs = [0, 1, 2, 3, 4, 5].map(|k| [k / 2, k % 2]);
+        let a = NodalMatrix::new(&self.a, places.to_vec(), &dofs, 2).unwrap();
+        let load = LoadPath::constant(self.load.clone());
+        let body = ReducedBody::new(a, &trace(0), &[trace(1)], load).unwrap();
+        let friction = FrictionCoefficient::nodal(self.friction.clone()).unwrap();
+        let body = body.with_gap(self.gap.clone()).unwrap();
+        ReducedContact::new(body, PlanarCoulomb::new(friction), ReducedOptions::default()).unwrap()
+    }
+
     /// Loads, gaps, coefficients of friction.
     fn changed(&self, delta: &[f64], s: f64) -> Self {
         let moved = |old: &[f64], d: &[f64]| old.iter().zip(d).map(|(a, d)| a + s * d).collect();
@@ -492,7 +565,7 @@ impl Degenerate {
     }
 }
 
-/// Where nodes are at the limit of sticking or just touch, derivatives along all directions are one-sided differences of both forms, and
+/// Where nodes are at the limit of sticking or just touch, derivatives along all directions are one-sided differences in all forms, and
 /// *differentiable* is said where the two sides agree in all directions.
 #[test]
 fn kinks_in_all_parameters() {
@@ -506,7 +579,10 @@ fn kinks_in_all_parameters() {
         let full = problem.full().unwrap();
         let mut found = problem.sensitivity(&x, &parameters).unwrap();
         let mut other = full.sensitivity(&y, &parameters).unwrap();
+        let mut reduced = data.reduced();
+        let mut alone = reduced.sensitivity(0.0, &y[..6], &parameters).unwrap();
         let known = found.differentiable().unwrap().known();
+        assert_eq!(known, alone.differentiable().unwrap().known());
         assert_eq!(known, other.differentiable().unwrap().known());
         assert_eq!(known, Some(!first && !second), "{first} {second}");
         let mut kinks = 0;
@@ -517,6 +593,7 @@ fn kinks_in_all_parameters() {
                 let delta: Vec<f64> = delta.iter().map(|d| sign * d).collect();
                 let rate = all(&mut found, &delta);
                 close(&all(&mut other, &delta), &rate, 1e-12, "the full form");
+                close(&all_alone(&mut alone, &delta), &rate, 1e-9, "displacements alone");
                 // One-sided, of second order.
                 let step = 1e-6;
                 let (near, far) = (
@@ -537,7 +614,98 @@ fn kinks_in_all_parameters() {
         let w = random.vector(12, 1.0);
         let [a, b] = [found.vjp(&w[..6], &w[6..]), other.vjp(&w[..6], &w[6..])].map(Result::unwrap);
         close(&a, &b, 1e-11, "elements");
+        close(&alone.vjp(&w[..6], &w[6..]).unwrap(), &a, 1e-9, "elements");
     }
+}
+
+/// Along changes of materials and positions nodes keep their states up to the end of the range that is found, and not beyond.
+#[test]
+fn ranges_of_materials_and_positions() {
+    let data = Data::plane(PlaneModel::Strain, Dilatation::Pointwise, false).mixed();
+    let condensed = data.condensed();
+    let x = condensed.solve(data.alpha, None).unwrap();
+    let states = |data: &Data| {
+        let problem = data.condensed();
+        let found = problem.solve(data.alpha, Some(&x)).unwrap();
+        problem.solution(&found).unwrap().states
+    };
+    let (parameters, firsts) = data.parameters(condensed.parameters(), &condensed.expand(&x).unwrap());
+    let mut found = condensed.sensitivity(&x, &parameters).unwrap();
+    let mut random = Random::new(12);
+    for (kind, size) in [(5, 0.25), (6, 0.1)] {
+        let mut delta = vec![0.0; firsts[7]];
+        let own = random.vector(firsts[kind + 1] - firsts[kind], size);
+        delta[firsts[kind]..firsts[kind + 1]].copy_from_slice(&own);
+        assert!(matches!(
+            found.valid_until(&delta, 1.0),
+            Err(SensitivityError::AtSolution { .. })
+        ));
+        let family = |s: f64| {
+            let data = data.changed(&delta, s);
+            Ok::<_, ContactError>((data.condensed(), vec![data.alpha]))
+        };
+        let range = valid_along(family, found.x(), 1.0).unwrap();
+        let Validity::Followed(until) = range else {
+            panic!("{kind}: {range}");
+        };
+        let here = states(&data);
+        assert_eq!(
+            states(&data.changed(&delta, until * (1.0 - 1e-6))),
+            here,
+            "{kind}"
+        );
+        assert_ne!(
+            states(&data.changed(&delta, until * (1.0 + 1e-6))),
+            here,
+            "{kind}"
+        );
+        let half = valid_along(family, found.x(), 0.5 * until).unwrap();
+        assert_eq!(half, Validity::Beyond(0.5 * until));
+    }
+}
+
+/// A family that breaks off gives its own error, and members of another size are refused.
+#[test]
+fn families_that_fail() {
+    let data = Degenerate::new(false, false);
+    let x = data.problem().solve(0.0, None).unwrap();
+    let broken = |s: f64| match s > 0.25 {
+        true => Err(ContactError::Empty { what: "gone" }),
+        false => Ok((data.problem(), vec![0.0])),
+    };
+    let error = valid_along(broken, &x[..6], 1.0).unwrap_err();
+    assert_eq!(error, ContactError::Empty { what: "gone" });
+    let other = |s: f64| {
+        let parameters = if s > 0.25 { vec![] } else { vec![0.0] };
+        Ok::<_, ContactError>((data.problem(), parameters))
+    };
+    let error = valid_along(other, &x[..6], 1.0).unwrap_err();
+    assert!(error.to_string().contains("parameters of a member"), "{error}");
+}
+
+/// A body that nothing presses touches at all its nodes: what solutions do is then not said, and at once.
+#[test]
+fn many_nodes_at_kinks() {
+    let mut data = Data::plane(PlaneModel::Strain, Dilatation::Pointwise, false);
+    data.load.fill(0.0);
+    (data.motion, data.push) = (0.0, 0.0);
+    let mesh = Mesh::rectangle([1.0, 0.0], [3.0, 1.0], [12, 6]).unwrap();
+    data.points = mesh.points().to_vec();
+    data.mesh = mesh;
+    let (system, rows) = data.system();
+    let load = LoadPath::constant(vec![0.0; system.num_free()]);
+    let body = semismooth::reduced_body(&system, &rows, load).unwrap();
+    let law = PlanarCoulomb::new(FrictionCoefficient::constant(0.3).unwrap());
+    let mut problem = ReducedContact::new(body, law, ReducedOptions::default()).unwrap();
+    let n = problem.body().num_displacements();
+    let parameters = problem.parameters().with_loads(&Matrix::identity(n)).unwrap();
+    let mut found = problem.sensitivity(0.0, &vec![0.0; n], &parameters).unwrap();
+    assert_eq!(found.differentiable().unwrap().known(), None);
+    assert!(matches!(
+        found.jvp(&vec![1.0; n]),
+        Err(SensitivityError::NotUnique { .. })
+    ));
+    assert_eq!(found.iterations(), 0);
 }
 
 /// Along a change of loads and gaps the solutions are straight up to the next kink, and no further.
@@ -555,7 +723,7 @@ fn ranges_end_at_the_next_kink() {
     delta[7] = -1.0;
     let range = found.valid_until(&delta, 1.0).unwrap();
     assert!(
-        matches!(range, semismooth::sensitivity::Validity::Exact(s) if (s - 0.125).abs() < 1e-12),
+        matches!(range, Validity::Exact(s) if (s - 0.125).abs() < 1e-12),
         "{range}"
     );
     // Forces along t reach the limit after 1/8, whatever else they do: sticking nodes stay where they are.

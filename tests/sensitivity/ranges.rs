@@ -1,7 +1,7 @@
 //! How far a piece holds.
 
 use semismooth::complementarity::Lcp;
-use semismooth::sensitivity::{Sensitivity, SensitivityError, Validity};
+use semismooth::sensitivity::{Sensitivity, SensitivityError, Validity, valid_along};
 use semismooth::sparse::Matrix;
 use semismooth::{parametric, solve_lcp};
 
@@ -101,4 +101,39 @@ fn test_functions_that_rounding_moves_are_never_met() {
             assert_eq!(range, Validity::Exact(f64::INFINITY), "{theta} {side}");
         }
     }
+}
+
+/// A stretched spring of stiffness 4 (1 − s)(2 − s) under the load 12, with its stop at distance 6: x = 3/((1 − s)(2 − s)) meets it where
+/// s² − 3 s + 3/2 = 0.
+#[test]
+fn families_hold_up_to_the_first_kink_of_their_solutions() {
+    let family = |s: f64, at: f64| {
+        let stiffness = 4.0 * (1.0 - s) * (2.0 - s);
+        let map = parametric(1, 1, move |x, p| {
+            vec![stiffness * x[0] - 12.0 - p[0] + 100.0 * (x[0] - at).max(0.0)]
+        });
+        Ok::<_, SensitivityError>((map, vec![0.0]))
+    };
+    let exact = (3.0 - 3.0_f64.sqrt()) / 2.0;
+    let until = valid_along(|s| family(s, 6.0), &[1.5], 0.9).unwrap();
+    assert!(
+        matches!(until, Validity::Followed(s) if (s - exact).abs() < 2e-9),
+        "{until} {exact}"
+    );
+    assert_eq!(
+        valid_along(|s| family(s, 6.0), &[1.5], 0.5).unwrap(),
+        Validity::Beyond(0.5)
+    );
+    // From a kink to the stiff side, and back after 1: the load is 1 + s − s².
+    let bump = |s: f64| {
+        let map = parametric(1, 1, move |x, p| {
+            vec![x[0] + (x[0] - 1.0).max(0.0) - 1.0 - s + s * s - p[0]]
+        });
+        Ok::<_, SensitivityError>((map, vec![0.0]))
+    };
+    let until = valid_along(bump, &[1.0], 1.75).unwrap();
+    assert!(
+        matches!(until, Validity::Followed(s) if (s - 1.0).abs() < 4e-9),
+        "{until}"
+    );
 }

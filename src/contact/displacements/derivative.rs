@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::kink::{RateMap, RateNode};
 use super::node::Node;
 use super::system::{ReducedStep, ReducedSystem, SerialSystem};
 use super::{NodeLaw, ReducedContact, ReducedNodes};
@@ -12,20 +13,29 @@ use crate::contact::solution::piece_of;
 use crate::contact::{ContactChange, ContactError};
 use crate::input::{check_finite, check_vector};
 use crate::linear::{KrylovReport, LinearError};
-use crate::sensitivity::SensitivityError;
+use crate::sensitivity::{
+    DerivativeDoubt, Differentiability, Directional, Element, Known, Sensitivity, SensitivityError, differ,
+    directions, too_many,
+};
 use crate::sparse::{Matrix, max_abs};
+use crate::spread::Random;
 use crate::tolerances::{MOVED, ROUNDING};
 
 /// Multiples of a further Newton step, and of the rounding of the largest force of a node, that a test function must exceed to have a sign.
 const ALLOWANCE: f64 = 64.0;
 /// Largest relative residual of the linear systems; results are refused above ten times of it.
 const TOLERANCE: f64 = 1e-11;
+/// Random errors of that size from which those of rates at kinks are found.
+const PROBES: usize = 4;
 
 /// A solution of the form in displacements as a function of [parameters](ContactParameters): made by [`ReducedContact::sensitivity`]. It
 /// borrows the problem, whose multigrid it uses: a product with the derivative is one linear solve, a gradient one with the transposed
 /// system, both to a relative residual of 1e-11.
 ///
-/// Kinks are found, but derivatives are given away from them only.
+/// At a kink the nodes that it is at are freed, and their forces obey the law's rates: a problem in these forces alone, whose compliance
+/// takes one linear solve for each of them, once. What [`Sensitivity`] says of that problem is what is said of this one; products then
+/// take two solves each. Linear solves are known to a relative 1e-11: a kink far smaller than 1e-7 of the rates is not seen, and *differentiable*
+/// then undecided, and a rate problem that is singular but for that accuracy may be taken for a regular one.
 pub struct ReducedSensitivity<'a> {
     system: &'a mut SerialSystem,
     components: &'a [usize],
@@ -35,8 +45,29 @@ pub struct ReducedSensitivity<'a> {
     columns: [Matrix; 3],
     rate: Option<Vec<f64>>,
     margin: f64,
-    kink: Option<usize>,
+    /// The nodes at kinks, in ascending order, and their rate problem: before its first use without the compliance.
+    weak: Vec<usize>,
+    rates: Option<Rates>,
     iterations: usize,
+}
+
+enum Rates {
+    Unprepared(RateMap),
+    Ready {
+        found: Box<Sensitivity<RateMap>>,
+        /// The element along the unit vectors, once it was asked for.
+        element: Option<Element>,
+    },
+}
+
+/// The rates of the data along a change of the parameters.
+struct Change {
+    /// Of A u + Bᵀ λ − f, in all components.
+    forces: Vec<f64>,
+    /// Of B u − gap at fixed u, all normal ones first.
+    traces: Vec<f64>,
+    second: Vec<f64>,
+    alpha: f64,
 }
 
 impl fmt::Debug for ReducedSensitivity<'_> {
@@ -81,6 +112,17 @@ impl Local {
             unit,
             rows: law.rows(piece, v),
         })
+    }
+
+    /// A node whose forces are given: the residuals are their rates.
+    fn freed() -> Self {
+        let mut unit = [[[0.0; 3]; 2]; 3];
+        (0..3).for_each(|k| unit[k][1][k] = 1.0);
+        Self {
+            node: Node::default(),
+            unit,
+            rows: [LocalRow::default(); 3],
+        }
     }
 
     fn is_held(&self, d: usize) -> bool {
@@ -177,7 +219,8 @@ impl<L: NodeLaw> ReducedContact<L> {
             ],
             rate,
             margin: f64::INFINITY,
-            kink: None,
+            weak: Vec::new(),
+            rates: None,
             iterations: 0,
         };
         made.select(law.num_tangents())?;
@@ -185,7 +228,14 @@ impl<L: NodeLaw> ReducedContact<L> {
             rest[at..at + dim].fill(0.0);
         }
         rest.iter_mut().for_each(|r| *r = -*r);
-        made.find_margin(law, &values, &sizes, (&u, &rest))?;
+        let errors = made.find_margin(law, &values, &sizes, (&u, &rest))?;
+        if !made.weak.is_empty() {
+            let rate_node = |&i: &usize| RateNode::new(law, &values[i], &errors[i]);
+            let nodes = made.weak.iter().map(rate_node).collect();
+            made.rates = Some(Rates::Unprepared(RateMap::new(law, nodes)));
+            made.weak.iter().for_each(|&i| made.nodes[i] = Local::freed());
+            made.select(law.num_tangents())?;
+        }
         Ok(made)
     }
 }
@@ -197,11 +247,36 @@ impl ReducedSensitivity<'_> {
         self.columns[0].ncols() + usize::from(self.rate.is_some())
     }
 
-    /// `Some(true)` away from kinks: the solution is differentiable. `None` at a kink, or so near to one that the accuracy of the solution
-    /// does not tell.
-    #[must_use]
-    pub fn differentiable(&self) -> Option<bool> {
-        self.kink.is_none().then_some(true)
+    /// Whether the free displacements and the forces are a differentiable function of the parameters here; in *no*, the derivatives are
+    /// those of the free displacements.
+    ///
+    /// # Errors
+    /// A solve that does not converge.
+    pub fn differentiable(&mut self) -> Result<Differentiability, SensitivityError> {
+        if self.weak.is_empty() {
+            return Ok(Differentiability::Yes { margin: self.margin });
+        }
+        if let Some(doubt) = self.too_many() {
+            return Ok(Differentiability::Undecided(doubt));
+        }
+        match self.prepared()?.differentiable()? {
+            Differentiability::No { .. } => {}
+            // Of all changes of these nodes' data, and so of those that the parameters make.
+            said => return Ok(said),
+        }
+        for direction in directions(self.num_parameters()) {
+            if !self.has_kink_along(&direction)? {
+                continue;
+            }
+            let opposite: Vec<f64> = direction.iter().map(|d| -d).collect();
+            let [forward, backward] = [self.jvp(&direction)?, self.jvp(&opposite)?].map(|c| c.displacements);
+            return Ok(Differentiability::No {
+                direction,
+                forward,
+                backward,
+            });
+        }
+        Ok(Differentiability::Undecided(DerivativeDoubt::Selections))
     }
 
     /// The least test function in multiples of its possible error; at most 1 at a kink.
@@ -216,44 +291,51 @@ impl ReducedSensitivity<'_> {
         self.iterations
     }
 
-    /// The derivative along a change δ of the parameters.
+    /// The directional derivative along a change δ of the parameters.
     ///
     /// # Errors
-    /// A wrong length, values that are not finite; [`SensitivityError::Kink`]; a solve that does not converge.
+    /// A wrong length, values that are not finite; at kinks as [`Sensitivity::jvp`]; a solve that does not converge.
     pub fn jvp(&mut self, delta: &[f64]) -> Result<ContactChange, SensitivityError> {
-        check_vector("the change of the parameters", delta, self.num_parameters())?;
-        self.check_kink()?;
-        let (alpha, own) = self.split(delta);
-        let n = self.columns[0].nrows();
-        let mut forces = vec![0.0; n];
-        (self.columns[0].as_ref()).mul_add(1.0, own, &mut forces);
-        if let Some(rate) = &self.rate {
-            forces.iter_mut().zip(rate).for_each(|(e, f)| *e -= alpha * f);
+        let change = self.change(delta)?;
+        if self.weak.is_empty() {
+            return self.moved(&change, &[]);
         }
-        let [mut traces, mut second] = [1, 2].map(|k| vec![0.0; self.columns[k].nrows()]);
-        (self.columns[1].as_ref()).mul_add(1.0, own, &mut traces);
-        (self.columns[2].as_ref()).mul_add(1.0, own, &mut second);
-        let p = self.nodes.len();
-        let h: Vec<[f64; 3]> = (self.nodes.iter().enumerate())
-            .map(|(i, local)| {
-                let moved = std::array::from_fn(|d| traces.get(d * p + i).copied().unwrap_or(0.0));
-                local.residuals(moved, alpha, second.get(i).copied().unwrap_or(0.0))
-            })
-            .collect();
-        let forces = self.system.body().turned(&forces);
-        let (u, rest) = self.forward(&forces, &h)?;
-        let dim = self.system.body().dim();
-        let nodal = (0..dim).flat_map(|d| self.components.iter().map(move |at| at + d));
-        let change = ContactChange {
-            forces: nodal.map(|k| rest[k]).collect(),
-            displacements: self.system.body().free(&u),
-        };
-        check_vector("the derivative of the solution", &change.displacements, n)?;
-        Ok(change)
+        if let Some(DerivativeDoubt::NotUnique(verdict)) = self.too_many() {
+            return Err(SensitivityError::NotUnique { verdict });
+        }
+        let (data, _) = self.data_of_weak(&change)?;
+        let forces = self.prepared()?.jvp(&data)?;
+        self.moved(&change, &forces)
+    }
+
+    /// How the free displacements move along δ: the directional derivative, or where the solutions are not known to be one function the
+    /// one-sided branches. At a kink one solve for each component of the forces of the nodes there, however many these are.
+    ///
+    /// # Errors
+    /// As [`Sensitivity::directional`]; a solve that does not converge.
+    pub fn directional(&mut self, delta: &[f64]) -> Result<Directional, SensitivityError> {
+        let change = self.change(delta)?;
+        if self.weak.is_empty() {
+            return Ok(Directional::Derivative(self.moved(&change, &[])?.displacements));
+        }
+        let (data, _) = self.data_of_weak(&change)?;
+        match self.prepared()?.directional(&data)? {
+            Directional::Derivative(forces) => Ok(Directional::Derivative(
+                self.moved(&change, &forces)?.displacements,
+            )),
+            Directional::Branches { branches, complete } => {
+                let branches = branches
+                    .into_iter()
+                    .map(|f| Ok(self.moved(&change, &f)?.displacements));
+                let branches = branches.collect::<Result<_, SensitivityError>>()?;
+                Ok(Directional::Branches { branches, complete })
+            }
+        }
     }
 
     /// The gradient in the parameters of a function of the solution, from its gradients in the free displacements and in the contact
-    /// forces: one solve with the transposed system.
+    /// forces: one solve with the transposed system. At kinks the derivative is the lexicographic one along the unit vectors, which takes
+    /// two such solves, and before the first gradient up to one for each parameter.
     ///
     /// # Errors
     /// As [`jvp`](Self::jvp).
@@ -265,9 +347,27 @@ impl ReducedSensitivity<'_> {
         );
         check_vector("the gradient in the displacements", displacements, n)?;
         check_vector("the gradient in the forces", forces, dim * p)?;
-        self.check_kink()?;
-        let of_u = self.system.body().turned(displacements);
-        let (adjoint, of_h) = self.transposed(of_u, |i, d| forces[d * p + i])?;
+        let mut of_u = self.system.body().turned(displacements);
+        let of_force = |i: usize, d: usize| forces[d * p + i];
+        let mut of_data = Vec::new();
+        if !self.weak.is_empty() {
+            self.prepare_element()?;
+            let (_, of_h) = self.transposed(of_u.clone(), of_force)?;
+            let of_weak = self.weak.iter().flat_map(|&i| of_h[i][..dim].iter().copied());
+            let of_weak: Vec<f64> = of_weak.collect();
+            if let Some(Rates::Ready {
+                element: Some(element),
+                ..
+            }) = &mut self.rates
+            {
+                of_data = element.vjp(&of_weak)?;
+            }
+            let places = self.weak.iter().flat_map(|&i| (0..dim).map(move |d| (i, d)));
+            for ((i, d), w) in places.zip(&of_data) {
+                of_u[self.components[i] + d] += w;
+            }
+        }
+        let (adjoint, of_h) = self.transposed(of_u, of_force)?;
         let mut gradient = vec![0.0; self.columns[0].ncols()];
         let adjoint = self.system.body().free(&adjoint);
         (self.columns[0].as_ref()).mul_transpose_add(-1.0, &adjoint, &mut gradient);
@@ -279,6 +379,14 @@ impl ReducedSensitivity<'_> {
                 second[i] += w * row.second;
                 of_alpha += w * row.parameter;
             }
+        }
+        if let Some((of_offsets, [of_load, of_second @ ..])) = of_data.split_at_checked(dim * self.weak.len())
+        {
+            for (k, &i) in self.weak.iter().enumerate() {
+                (0..dim).for_each(|d| traces[d * p + i] += of_offsets[dim * k + d]);
+                second[i] += of_second[k];
+            }
+            of_alpha += of_load;
         }
         (self.columns[1].as_ref()).mul_transpose_add(1.0, &traces, &mut gradient);
         if self.columns[2].nrows() > 0 {
@@ -292,24 +400,187 @@ impl ReducedSensitivity<'_> {
         Ok(gradient)
     }
 
-    fn check_kink(&self) -> Result<(), SensitivityError> {
-        match self.kink {
-            Some(node) => Err(SensitivityError::Kink {
-                site: format!("contact node {node}"),
-            }),
-            None => Ok(()),
+    /// The rates of the data along δ.
+    fn change(&self, delta: &[f64]) -> Result<Change, SensitivityError> {
+        check_vector("the change of the parameters", delta, self.num_parameters())?;
+        let (alpha, own) = match self.rate {
+            Some(_) => (delta[0], &delta[1..]),
+            None => (0.0, delta),
+        };
+        let mut forces = vec![0.0; self.columns[0].nrows()];
+        (self.columns[0].as_ref()).mul_add(1.0, own, &mut forces);
+        if let Some(rate) = &self.rate {
+            forces.iter_mut().zip(rate).for_each(|(e, f)| *e -= alpha * f);
+        }
+        let [mut traces, mut second] = [1, 2].map(|k| vec![0.0; self.columns[k].nrows()]);
+        (self.columns[1].as_ref()).mul_add(1.0, own, &mut traces);
+        (self.columns[2].as_ref()).mul_add(1.0, own, &mut second);
+        second.resize(self.nodes.len(), 0.0);
+        Ok(Change {
+            forces: self.system.body().turned(&forces),
+            traces,
+            second,
+            alpha,
+        })
+    }
+
+    /// The rates of the displacements and of f − A u with forces of the weak nodes, none if there are none.
+    fn rates_at(&mut self, change: &Change, of_weak: &[f64]) -> Result<(Vec<f64>, Vec<f64>), LinearError> {
+        let (dim, p) = (self.system.body().dim(), self.nodes.len());
+        let mut h: Vec<[f64; 3]> = (self.nodes.iter().enumerate())
+            .map(|(i, local)| {
+                let moved = std::array::from_fn(|d| change.traces.get(d * p + i).copied().unwrap_or(0.0));
+                local.residuals(moved, change.alpha, change.second[i])
+            })
+            .collect();
+        for (&i, forces) in self.weak.iter().zip(of_weak.chunks_exact(dim)) {
+            h[i][..dim].copy_from_slice(forces);
+        }
+        self.forward(&change.forces, &h)
+    }
+
+    fn moved(&mut self, change: &Change, of_weak: &[f64]) -> Result<ContactChange, SensitivityError> {
+        let (u, rest) = self.rates_at(change, of_weak)?;
+        let dim = self.system.body().dim();
+        let nodal = (0..dim).flat_map(|d| self.components.iter().map(move |at| at + d));
+        let change = ContactChange {
+            forces: nodal.map(|k| rest[k]).collect(),
+            displacements: self.system.body().free(&u),
+        };
+        check_vector(
+            "the derivative of the solution",
+            &change.displacements,
+            change.displacements.len(),
+        )?;
+        Ok(change)
+    }
+
+    /// What a change means to the rate problem of the weak nodes: their rates without forces, and those of α and β.
+    /// Also the largest rate of a displacement.
+    fn data_of_weak(&mut self, change: &Change) -> Result<(Vec<f64>, f64), SensitivityError> {
+        let (dim, p) = (self.system.body().dim(), self.nodes.len());
+        let (u, _) = self.rates_at(change, &[])?;
+        let offsets = self.weak.iter().flat_map(|&i| {
+            let at = self.components[i];
+            (0..dim).map(move |d| (at + d, d * p + i))
+        });
+        let mut data: Vec<f64> = offsets.map(|(k, t)| u[k] + change.traces[t]).collect();
+        data.push(change.alpha);
+        data.extend(self.weak.iter().map(|&i| change.second[i]));
+        Ok((data, max_abs(&u)))
+    }
+
+    /// Why nothing is said where more selections are active at the weak nodes than are examined.
+    fn too_many(&self) -> Option<DerivativeDoubt> {
+        match &self.rates {
+            Some(Rates::Unprepared(map)) => too_many(map),
+            Some(Rates::Ready { found, .. }) => too_many(found.map()),
+            None => None,
         }
     }
 
-    fn split<'d>(&self, delta: &'d [f64]) -> (f64, &'d [f64]) {
-        match self.rate {
-            Some(_) => (delta[0], &delta[1..]),
-            None => (0.0, delta),
+    /// The rate problem of the weak nodes, with its compliance.
+    fn prepared(&mut self) -> Result<&mut Sensitivity<RateMap>, SensitivityError> {
+        if let Some(Rates::Unprepared(map)) = &self.rates {
+            let (mut map, dim) = (map.clone(), self.system.body().dim());
+            let none = vec![0.0; self.system.body().len()];
+            for (column, k) in (self.weak.clone().iter())
+                .flat_map(|&i| (0..dim).map(move |d| (i, d)))
+                .zip(0..)
+            {
+                let mut h = vec![[0.0; 3]; self.nodes.len()];
+                h[column.0][column.1] = 1.0;
+                let (u, _) = self.forward(&none, &h)?;
+                let rows = self.weak.iter().map(|&i| self.components[i]);
+                map.set_column(k, rows.flat_map(|at| u[at..at + dim].iter().copied()));
+            }
+            let (n, k) = map.sizes();
+            let found = Sensitivity::with_idle_parameters(map, &vec![0.0; n], &vec![0.0; k])?;
+            self.rates = Some(Rates::Ready {
+                found: Box::new(found),
+                element: None,
+            });
         }
+        match &mut self.rates {
+            Some(Rates::Ready { found, .. }) => Ok(found),
+            _ => Err(SensitivityError::NotDifferentiable),
+        }
+    }
+
+    /// Differentiates the rate problem along the unit vectors of the parameters, one after the other.
+    fn prepare_element(&mut self) -> Result<(), SensitivityError> {
+        if let Some(DerivativeDoubt::NotUnique(verdict)) = self.too_many() {
+            return Err(SensitivityError::NotUnique { verdict });
+        }
+        self.prepared()?;
+        let Some(Rates::Ready { found, element: None }) = self
+            .rates
+            .take_if(|r| matches!(r, Rates::Ready { element: None, .. }))
+        else {
+            return Ok(());
+        };
+        let k = self.num_parameters();
+        let mut failed = None;
+        let frame = (0..k).map_while(|j| {
+            let unit: Vec<f64> = (0..k).map(|i| f64::from(u8::from(i == j))).collect();
+            let data = self.change(&unit).and_then(|change| self.data_of_weak(&change));
+            data.map(|d| d.0).map_err(|e| failed = Some(e)).ok()
+        });
+        let element = found.element_along(frame);
+        let element = match failed {
+            Some(e) => Err(e),
+            None => element,
+        };
+        self.rates = Some(Rates::Ready {
+            found,
+            element: element.as_ref().ok().cloned(),
+        });
+        element.map(drop)
+    }
+
+    /// Whether the forces of the weak nodes have rates along ±δ that differ by more than the accuracy of the linear solves explains.
+    fn has_kink_along(&mut self, delta: &[f64]) -> Result<bool, SensitivityError> {
+        let change = self.change(delta)?;
+        let (data, largest) = self.data_of_weak(&change)?;
+        let count = self.weak.len() * self.system.body().dim();
+        let rates = self.prepared()?;
+        let mut spread = Random::new(1);
+        let mut sides = Vec::new();
+        for sign in [1.0, -1.0] {
+            let data: Vec<f64> = data.iter().map(|d| sign * d).collect();
+            let Ok(forces) = rates.jvp(&data) else {
+                return Ok(false);
+            };
+            let noise = TOLERANCE * (largest + rates.map().largest_response(&forces));
+            let mut widths = vec![0.0_f64; count];
+            for _ in 0..PROBES {
+                let moved = data.iter().enumerate();
+                let moved = moved.map(|(k, d)| {
+                    if k < count {
+                        d + noise * spread.symmetric()
+                    } else {
+                        *d
+                    }
+                });
+                let Ok(other) = rates.jvp(&moved.collect::<Vec<_>>()) else {
+                    return Ok(false);
+                };
+                for ((w, a), b) in widths.iter_mut().zip(&other).zip(&forces) {
+                    *w = w.max((a - b).abs());
+                }
+            }
+            sides.push(Known {
+                value: forces.iter().map(|f| sign * f).collect(),
+                floors: widths.clone(),
+                widths,
+            });
+        }
+        Ok(differ(&sides[0], &sides[1]))
     }
 
     /// Passes the rows that the laws change to the system, as a Newton step does.
     fn select(&mut self, tangents: usize) -> Result<(), LinearError> {
+        self.lists = Lists::default();
         let lists = &mut self.lists;
         for (local, &at) in self.nodes.iter().zip(self.components) {
             let (node, definite) = (&local.node, local.node.definite());
@@ -442,14 +713,15 @@ impl ReducedSensitivity<'_> {
         }
     }
 
-    /// How far test functions are from zero, in multiples of what one more Newton step would change them by.
+    /// How far test functions are from zero, in multiples of what one more Newton step would change them by, and which nodes are at
+    /// kinks. Gives the possible errors of all test functions.
     fn find_margin(
         &mut self,
         law: &dyn NodeLaw,
         values: &[LocalValues],
         sizes: &[f64],
         (at_solution, residual): (&[f64], &[f64]),
-    ) -> Result<(), SensitivityError> {
+    ) -> Result<Vec<[f64; MAX_TESTS]>, SensitivityError> {
         let h: Vec<[f64; 3]> = (values.iter().zip(&self.nodes))
             .map(|(v, local)| law.residual(local.node.piece, v))
             .collect();
@@ -474,6 +746,7 @@ impl ReducedSensitivity<'_> {
             });
         }
         let largest = sizes.iter().fold(0.0_f64, |m, s| m.max(*s));
+        let mut errors: Vec<[f64; MAX_TESTS]> = Vec::with_capacity(values.len());
         for (i, (v, &at)) in values.iter().zip(self.components).enumerate() {
             let mut moved = LocalRow {
                 penetration: u[at],
@@ -486,19 +759,21 @@ impl ReducedSensitivity<'_> {
             let (mut tests, mut rows) = ([0.0; MAX_TESTS], [LocalRow::default(); MAX_TESTS]);
             law.tests(v, &mut tests);
             law.test_rows(v, &mut rows);
-            // Only the facets of the cell tell whether the piece changes.
-            for facet in law.cell(self.nodes[i].node.piece) {
-                let (test, row) = (tests[facet.test()], &rows[facet.test()]);
+            let error = |row: &LocalRow| {
                 let size = row.pressure.abs() + row.traction[0].abs() + row.traction[1].abs();
-                let error =
-                    ALLOWANCE * row.along(&moved).abs() + ROUNDING * largest * size.max(f64::MIN_POSITIVE);
-                let margin = test.abs() / error.max(f64::MIN_POSITIVE);
-                self.margin = self.margin.min(margin);
-                if margin <= 1.0 && self.kink.is_none() {
-                    self.kink = Some(i);
-                }
+                let moved = ALLOWANCE * row.along(&moved).abs();
+                (moved + ROUNDING * largest * size.max(f64::MIN_POSITIVE)).max(f64::MIN_POSITIVE)
+            };
+            errors.push(std::array::from_fn(|t| error(&rows[t])));
+            // Only the facets of the cell tell whether the piece changes.
+            let facets = law.cell(self.nodes[i].node.piece).iter();
+            let margin = facets.map(|facet| tests[facet.test()].abs() / errors[i][facet.test()]);
+            let margin = margin.fold(f64::INFINITY, f64::min);
+            self.margin = self.margin.min(margin);
+            if margin <= 1.0 {
+                self.weak.push(i);
             }
         }
-        Ok(())
+        Ok(errors)
     }
 }

@@ -4,6 +4,7 @@ mod body;
 mod derivative;
 mod evolution;
 mod floating;
+mod kink;
 mod newton;
 mod node;
 mod options;

@@ -24,15 +24,25 @@ impl Node {
     /// An error is the name of a piece whose equations do not determine the forces.
     pub(super) fn new(law: &dyn NodeLaw, v: &LocalValues) -> Result<Self, String> {
         let piece = piece_of(law, v);
-        Self::with_residual(law, v, piece, law.residual(piece, v))
+        Self::solved(law, v, (piece, law.residual(piece, v)), true)
     }
 
-    /// The linearised law of a piece with residuals h at the node.
+    /// The linearised law of a piece with residuals h at the node, for derivatives: softened only where its forces are not determined
+    /// otherwise.
     pub(super) fn with_residual(
         law: &dyn NodeLaw,
         v: &LocalValues,
         piece: usize,
         h: [f64; 3],
+    ) -> Result<Self, String> {
+        Self::solved(law, v, (piece, h), false)
+    }
+
+    fn solved(
+        law: &dyn NodeLaw,
+        v: &LocalValues,
+        (piece, h): (usize, [f64; 3]),
+        soft: bool,
     ) -> Result<Self, String> {
         let directions = 1 + law.num_tangents();
         let rows = law.rows(piece, v);
@@ -65,8 +75,12 @@ impl Node {
             (1..directions).for_each(|a| node.prescribed[a] = Some(change[a]));
             return Ok(node);
         }
-        let e = softened(e, first..directions);
-        let column = |b: &[f64; 3]| solve(&e, first..directions, b).ok_or_else(refuse);
+        let softer = softened(e, first..directions);
+        let column = |b: &[f64; 3]| {
+            let own = solve(&e, first..directions, b).filter(|_| !soft);
+            own.or_else(|| solve(&softer, first..directions, b))
+                .ok_or_else(refuse)
+        };
         node.constant = column(&rhs)?;
         if held {
             node.coupling = column(&[0.0, -e[1][0], -e[2][0]])?;
