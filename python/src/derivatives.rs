@@ -9,12 +9,13 @@ use pyo3::types::{PyDict, PySlice};
 use semismooth::contact::{self, ContactChange, ContactError, ContactParameters};
 use semismooth::fem::MaterialConstant;
 use semismooth::interface::{CondensedView, FullView};
-use semismooth::sensitivity::SensitivityError;
+use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::sensitivity::{SensitivityError, valid_along};
 use semismooth::sparse::Matrix;
 
 use crate::arrays::{counted, dense, matrix, rows, start, vector};
 use crate::body::Load;
-use crate::contact::{ContactProblem, Form, Route, begun};
+use crate::contact::{ContactProblem, Form, Route, begun, of_form};
 use crate::errors::{SemismoothError, lock, raised};
 use crate::laws::Law;
 use crate::solution::{ContactSolution, EvolutionStep};
@@ -23,6 +24,18 @@ use crate::solution::{ContactSolution, EvolutionStep};
 enum Found {
     Full(contact::ContactSensitivity<FullView>),
     Condensed(contact::ContactSensitivity<CondensedView>),
+}
+
+/// Why problems were not followed: what Python raised, or what the library found.
+enum Stopped {
+    Raised(PyErr),
+    Found(SensitivityError),
+}
+
+impl From<SensitivityError> for Stopped {
+    fn from(error: SensitivityError) -> Self {
+        Self::Found(error)
+    }
 }
 
 macro_rules! of_found {
@@ -38,7 +51,8 @@ macro_rules! of_found {
 /// in one vector, dp; ``slices`` says which of its entries belong to what.
 ///
 /// At a kink (a node at the limit of sticking, or just touching) there may be one-sided derivatives only: ``differentiable`` says so, and
-/// :meth:`jvp` gives them. Problems in reduced form have derivatives away from kinks, each from one linear solve with multigrid.
+/// :meth:`jvp` gives them. Problems in reduced form take one linear solve with multigrid for each derivative, at a kink two and one for each
+/// force of the nodes that it is at.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct ContactSensitivity {
     #[pyo3(get)]
@@ -354,6 +368,41 @@ impl ContactSensitivity {
         })
     }
 
+    /// How far the solution keeps its states in the problems that a function gives.
+    fn valid_along(&self, dp: &[f64], horizon: f64, problem: &Bound<'_, PyAny>) -> PyResult<f64> {
+        let own = self.solution.get();
+        let count = self.parameters.list.len();
+        if dp.len() != count {
+            return Err(PyValueError::new_err(format!(
+                "dp has {} entries for {count} parameters",
+                dp.len()
+            )));
+        }
+        let changes_parameter = self.parameters.names.first().is_some_and(|n| n.0 == "parameter");
+        let rate = if changes_parameter { dp[0] } else { 0.0 };
+        let (x, alpha) = own.x.split_at(own.x.len() - 1);
+        let family = |s: f64| -> Result<_, Stopped> {
+            let given = problem.call1((s,)).map_err(Stopped::Raised)?;
+            let given = given.cast::<ContactProblem>().map_err(|_| {
+                let what = "problem must give a ContactProblem for each s";
+                Stopped::Raised(PyTypeError::new_err(what))
+            })?;
+            let map: Box<dyn PiecewiseSmooth> = match &given.get().route {
+                Route::Mapped(form) => of_form!(form.as_ref().clone(), own => Box::new(own)),
+                Route::Reduced(_) => {
+                    let what = "problem must give problems in the form of this one";
+                    return Err(Stopped::Raised(PyValueError::new_err(what)));
+                }
+            };
+            Ok((map, vec![alpha[0] + s * rate]))
+        };
+        match valid_along(family, x, horizon) {
+            Ok(found) => Ok(found.until()),
+            Err(Stopped::Raised(e)) => Err(e),
+            Err(Stopped::Found(e)) => Err(raised(e)),
+        }
+    }
+
     fn change(&self, py: Python<'_>, dp: &[f64]) -> PyResult<ContactChange> {
         self.with(
             py,
@@ -370,11 +419,8 @@ impl ContactSensitivity {
                 Ok((found.known(), found.to_string()))
             },
             |own| {
-                let message = match own.differentiable() {
-                    Some(_) => "differentiable",
-                    None => "undecided: at a kink, or nearer to one than the accuracy of the solution shows",
-                };
-                Ok((own.differentiable(), message.to_owned()))
+                let found = own.differentiable()?;
+                Ok((found.known(), found.to_string()))
             },
         )
     }
@@ -494,14 +540,25 @@ impl ContactSensitivity {
     /// The largest s such that all nodes keep their states for changes t dp, 0 < t < s: exact (inf where no state changes) for loads and
     /// gaps under constant friction; else the curve of solutions is followed up to ``horizon``.
     ///
-    /// SemismoothError where dp changes a material or positions, whose effect is known to first order only, and in reduced form.
-    #[pyo3(signature = (dp, horizon=1.0))]
-    fn valid_until(&self, dp: &Bound<'_, PyAny>, horizon: f64) -> PyResult<f64> {
+    /// Where dp changes a material or positions, whose effect is known to first order only, ``problem`` has to give the problem for s, in the
+    /// form of this one: with its data changed by s dp. (A change of the parameter is taken from dp.) Solutions in the same states are then
+    /// computed at the ends and in the middle of ever shorter intervals, and the first kink located to 1e-9 of the horizon: an estimate, as a
+    /// kink that is passed and left again between two of these points is not seen. SemismoothError without it, and in reduced form.
+    #[pyo3(signature = (dp, horizon=1.0, problem=None))]
+    fn valid_until(
+        &self,
+        dp: &Bound<'_, PyAny>,
+        horizon: f64,
+        problem: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<f64> {
         let (py, dp) = (dp.py(), start(dp, "dp")?);
         if matches!(self.solution.get().problem.get().route, Route::Reduced(_)) {
             return Err(SemismoothError::new_err(
                 "a problem in reduced form does not say how far a derivative holds: write form=\"condensed\"",
             ));
+        }
+        if let Some(problem) = problem.filter(|p| !p.is_none()) {
+            return self.valid_along(&dp, horizon, problem);
         }
         let found = self.with(
             py,

@@ -35,6 +35,13 @@ def test_lcps_are_solved_as_one_by_one():
     # Nothing is asked of members without unknowns.
     empty = ss.solve_lcp(np.zeros((3, 0, 0)), np.zeros((3, 0)))
     assert empty.solved.all() and empty.x.shape == (3, 0) and repr(empty) == "<BatchResult: 3 of 3 solved>"
+    empty = ss.solve_mcp(lambda x: x, np.zeros(0), np.ones(0), np.zeros((3, 0)))
+    assert empty.solved.all() and empty.x.shape == (3, 0) and repr(empty) == "<BatchResult: 3 of 3 solved>"
+    empty = ss.solve_mcp(lambda x, p: x, np.zeros(0), np.ones(0), np.zeros((3, 0)), params=np.ones((3, 2)))
+    assert empty.solved.all() and empty.derivative().shape == (3, 0, 2) and empty.jvp(np.ones((3, 2))).shape == (3, 0)
+    assert (empty.vjp(np.zeros((3, 0))) == np.zeros((3, 2))).all() and empty.differentiable == [True] * 3
+    empty = ss.solve_friction(np.zeros((3, 0, 0)), np.zeros((3, 0)), np.zeros((3, 0)))
+    assert empty.solved.all() and empty.reactions.shape[:2] == (3, 0) and (empty.residual == 0).all()
 
 
 def test_failures_are_marked_one_by_one():

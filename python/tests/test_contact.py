@@ -650,6 +650,22 @@ def test_solutions_have_derivatives_in_all_data(form):
             found.valid_until([0, 0, 0, 1.0])
 
 
+@pytest.mark.parametrize("form", ["condensed", "full"])
+def test_changes_of_the_material_have_a_range_where_their_problems_are_given(form):
+    """Softer bodies keep the states of their nodes up to there, and not beyond."""
+    softer = lambda s: derivative_problem(form, gap=0.05, young=1.0 - s)
+    solution = softer(0.0).solve(0.5)
+    found = solution.sensitivity(young=True)
+    until = found.valid_until([-1.0], horizon=0.8, problem=softer)
+    assert 0.0 < until < 0.8
+    before, after = (softer(until * t).solve(0.5, start=solution).states for t in (1 - 1e-6, 1 + 1e-6))
+    assert list(before) == list(solution.states) and list(after) != list(before)
+    with pytest.raises(ZeroDivisionError):
+        found.valid_until([-1.0], problem=lambda s: 1 / 0)
+    with pytest.raises(TypeError, match="ContactProblem"):
+        found.valid_until([-1.0], problem=lambda s: s)
+
+
 def test_solutions_have_derivatives_in_the_shape_of_their_body():
     problem = derivative_problem()
     points = problem.body.mesh.points

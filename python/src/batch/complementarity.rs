@@ -301,6 +301,9 @@ pub(crate) fn mcps(
     let pattern = leading(&full.pattern(), n)?;
     let all = Run::watched(py, |run| {
         let each = |solver: &mut McpSolver, i: usize| {
+            if n == 0 {
+                return Member::empty();
+            }
             if let Some(j) = p.get(i).iter().position(|v| !v.is_finite()) {
                 return Member::invalid(n, format!("params[{j}] is {}; all must be finite", p.get(i)[j]));
             }

@@ -72,28 +72,33 @@ pub(crate) fn frictions(
     let count = count(&named)?;
     let options: DelassusOptions = crate::arrays::options(options, py)?;
     let pattern = Pattern::full(n, n);
-    let all: Vec<Result<DelassusReport, String>> = Run::watched(py, |run| {
+    // Members without contacts, which the library takes for no problems, have nothing to report.
+    let all: Vec<Result<Option<DelassusReport>, String>> = Run::watched(py, |run| {
         let each = |solver: &mut DelassusSolver, i: usize| {
+            if n == 0 {
+                return Ok(None);
+            }
             let matrix = square(&pattern, M.get(i)).map_err(|e| e.to_string())?;
             let problem = DelassusProblem::new(dimension, matrix, q.get(i).to_vec(), mu.get(i).to_vec());
             let problem = problem.map_err(|e| e.to_string())?;
             let start = start.as_ref().map(|s| s.get(i));
             let found = solver.solve_observed(&problem, start, |_| run.flow());
-            found.map_err(|e| e.to_string())
+            found.map(Some).map_err(|e| e.to_string())
         };
         Ok(parts(count, || DelassusSolver::new(options.clone()), each))
     })?;
     let messages = PyDict::new(py);
     for (i, found) in all.iter().enumerate() {
         match found {
-            Ok(report) if report.status == Status::Solved => {}
-            Ok(report) => messages.set_item(i, report.status.to_string())?,
+            Ok(None) => {}
+            Ok(Some(report)) if report.status == Status::Solved => {}
+            Ok(Some(report)) => messages.set_item(i, report.status.to_string())?,
             Err(why) => messages.set_item(i, why)?,
         }
     }
     let flat = |of: fn(&DelassusReport) -> &Vec<f64>| -> PyResult<Py<PyArray3<f64>>> {
-        let row = |found: &Result<DelassusReport, String>| match found {
-            Ok(report) => of(report).clone(),
+        let row = |found: &Result<Option<DelassusReport>, String>| match found {
+            Ok(report) => report.as_ref().map_or_else(Vec::new, |r| of(r).clone()),
             Err(_) => vec![f64::NAN; n],
         };
         let flat: Vec<f64> = all.iter().flat_map(row).collect();
@@ -101,18 +106,21 @@ pub(crate) fn frictions(
             .reshape([count, contacts, dimension])?
             .unbind())
     };
-    let status =
-        |found: &Result<DelassusReport, String>| found.as_ref().map_or("invalid", |r| r.status.name());
+    let status = |found: &Result<Option<DelassusReport>, String>| match found {
+        Ok(Some(report)) => report.status.name(),
+        Ok(None) => Status::Solved.name(),
+        Err(_) => "invalid",
+    };
+    let residual = |found: &Result<Option<DelassusReport>, String>| match found {
+        Ok(report) => report.as_ref().map_or(0.0, |r| r.residual),
+        Err(_) => f64::NAN,
+    };
     Ok(FrictionBatch {
         reactions: flat(|r| &r.r)?,
         velocities: flat(|r| &r.u)?,
         status: PyList::new(py, all.iter().map(status))?.unbind(),
         solved: PyArray1::from_iter(py, all.iter().map(|f| status(f) == "solved")).unbind(),
         messages: messages.unbind(),
-        residual: PyArray1::from_iter(
-            py,
-            all.iter().map(|f| f.as_ref().map_or(f64::NAN, |r| r.residual)),
-        )
-        .unbind(),
+        residual: PyArray1::from_iter(py, all.iter().map(residual)).unbind(),
     })
 }

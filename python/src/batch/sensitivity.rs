@@ -8,7 +8,7 @@ use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use semismooth::piecewise::Traced;
-use semismooth::sensitivity::SensitivityError;
+use semismooth::sensitivity::{Differentiability, SensitivityError};
 
 use super::complementarity::check_values;
 use super::{Given, Members, count, given, members_or, parts};
@@ -102,13 +102,17 @@ impl BatchSensitivity {
         Ok(Bound::new(py, made)?.into_any())
     }
 
-    /// `work` for all members, and why it failed for some.
-    fn all<T: Send>(
+    /// `work` for all members, and why it failed for some; of members without unknowns `nothing`.
+    fn all<T: Send + Clone>(
         &self,
         py: Python<'_>,
+        nothing: T,
         work: impl Fn(usize, &mut Found) -> Result<T, SensitivityError> + Sync,
     ) -> PyResult<Vec<Result<T, String>>> {
         let (n, k) = self.sizes;
+        if n == 0 {
+            return Ok(vec![Ok(nothing); self.unsolved.len()]);
+        }
         Run::watched(py, |run| {
             let each = |_: &mut (), i: usize| {
                 if let Some(why) = &self.unsolved[i] {
@@ -166,7 +170,13 @@ impl BatchSensitivity {
     /// solved.
     #[getter]
     pub(super) fn differentiable(&self, py: Python<'_>) -> PyResult<Vec<Option<bool>>> {
-        let all = self.all(py, |_, found| found.differentiable())?;
+        let all = self.all(
+            py,
+            Differentiability::Yes {
+                margin: f64::INFINITY,
+            },
+            |_, found| found.differentiable(),
+        )?;
         Ok(all.into_iter().map(|found| found.ok()?.known()).collect())
     }
 
@@ -176,7 +186,7 @@ impl BatchSensitivity {
         let given = Given::new(dp, "dp")?;
         let dp = given.members(&[k])?;
         self.check(&dp, "dp")?;
-        let all = self.all(py, |i, found| found.jvp(dp.get(i)))?;
+        let all = self.all(py, Vec::new(), |i, found| found.jvp(dp.get(i)))?;
         let flat = self.rows(py, n, all)?;
         PyArray1::from_vec(py, flat).reshape([self.unsolved.len(), n])
     }
@@ -188,7 +198,7 @@ impl BatchSensitivity {
         let given = Given::new(dx, "dx")?;
         let dx = given.members(&[n])?;
         self.check(&dx, "dx")?;
-        let all = self.all(py, |i, found| found.vjp(dx.get(i)))?;
+        let all = self.all(py, vec![0.0; k], |i, found| found.vjp(dx.get(i)))?;
         let flat = self.rows(py, k, all)?;
         PyArray1::from_vec(py, flat).reshape([self.unsolved.len(), k])
     }
@@ -196,7 +206,7 @@ impl BatchSensitivity {
     /// The derivatives, shape (members, n, k); NaN, with a warning, where a solution is not known to be differentiable.
     pub(super) fn derivative<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (n, k) = self.sizes;
-        let all = self.all(py, |_, found| {
+        let all = self.all(py, Vec::new(), |_, found| {
             let matrix = found.derivative()?;
             let entries = (0..n * k).map(|e| matrix.get(e / k, e % k));
             Ok(entries.collect())
