@@ -7,8 +7,10 @@
 //! With --follow the load path of condensed problems is followed from α = 1 down to 0: the number of transitions, of nodes that change
 //! their state, and how often a matrix was factored; --transitions writes the transitions to a file: α, node, state before and after.
 //! With --levels problems in the displacements go through so many load levels up to α = 1: steps, changes of state and time of each.
+//! With --derivative the solutions of problems in the displacements are differentiated in α and in a gap common to all nodes: time and
+//! iterations of one solve, and of one with the transposed system, to the same tolerance.
 //! Run: cargo run --release --example contact_size [-- --plane 999x500] [--solid 40x38x20] [--mesh body.msh] [--friction 0.8]
-//! [--route displacements] [--follow] [--transitions transitions.csv] [--levels 10]
+//! [--route displacements] [--follow] [--transitions transitions.csv] [--levels 10] [--derivative]
 
 #[macro_use]
 mod common;
@@ -30,6 +32,7 @@ use semismooth::contact::{
 use semismooth::continuation::{Continuation, ContinuationOptions, Direction, Event};
 use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh, read_gmsh};
 use semismooth::piecewise::PiecewiseSmoothExt;
+use semismooth::sparse::Matrix;
 
 /// Times the phases of contact problems on finer and finer meshes.
 #[derive(Parser)]
@@ -58,6 +61,9 @@ struct Args {
     /// Number of load levels that problems in the displacements go through.
     #[arg(long, default_value_t = 0)]
     levels: usize,
+    /// Differentiates solutions of problems in the displacements.
+    #[arg(long)]
+    derivative: bool,
 }
 
 fn main() -> ExitCode {
@@ -169,7 +175,7 @@ fn measure<L: NodeLaw>(
         }
     };
     let mut row = match form.suited(dim, free, true) {
-        ContactForm::Displacements => reduce(system, foundation, law, args.levels, &mut lap)?,
+        ContactForm::Displacements => reduce(system, foundation, law, args, &mut lap)?,
         _ => condense(system, foundation, law, args, &mut lap)?,
     };
     row.times[0] = meshed;
@@ -267,7 +273,7 @@ fn reduce<L: NodeLaw>(
     system: ElasticSystem,
     foundation: &Foundation,
     law: L,
-    levels: usize,
+    args: &Args,
     lap: &mut Lap,
 ) -> Outcome<Row> {
     let (load, rows) = (loads(&system)?, system.contact("bottom", foundation)?);
@@ -281,6 +287,10 @@ fn reduce<L: NodeLaw>(
     let second = problem.solve(1.05, Some(&first.displacements))?;
     let further = lap.seconds();
     let solution = problem.solution(1.05, &second.displacements)?;
+    let mut more = history(&mut problem, args.levels)?;
+    if args.derivative {
+        more.push(derivative(&mut problem, 1.05, &second.displacements)?);
+    }
     Ok(Row {
         route: "displacements",
         times: [0.0, assembled, setup, solved, further],
@@ -288,9 +298,43 @@ fn reduce<L: NodeLaw>(
             format!("{}+{}", first.newton(), second.newton()),
             format!("{}+{}", first.krylov(), second.krylov()),
         ],
-        more: history(&mut problem, levels)?,
+        more,
         solution,
     })
+}
+
+/// One solve for the derivative of a solution along a change of α and of all gaps, and one for the gradient of a function of the solution: by
+/// either the function has the same rate.
+fn derivative<L: NodeLaw>(problem: &mut ReducedContact<L>, alpha: f64, u: &[f64]) -> Outcome<String> {
+    let (n, p, dim) = (u.len(), problem.body().num_contacts(), problem.body().dim());
+    let ones: Vec<_> = (0..p).map(|i| (i, 0, 1.0)).collect();
+    let parameters = problem.parameters().with_alpha();
+    let parameters = parameters.with_gaps(&Matrix::from_triplets(p, 1, &ones)?)?;
+    let mut lap = Lap(Instant::now());
+    let mut found = problem.sensitivity(alpha, u, &parameters)?;
+    let (margin, begun) = (found.margin(), lap.seconds());
+    let delta = [1.0, 1e-3];
+    let change = found.jvp(&delta)?;
+    let (forward, iterations) = (lap.seconds(), found.iterations());
+    let w: Vec<f64> = (0..n).map(|i| ((i % 7) as f64 - 3.0) / n as f64).collect();
+    lap.seconds();
+    let gradient = found.vjp(&w, &vec![0.0; dim * p])?;
+    let (transposed, others) = (lap.seconds(), found.iterations());
+    let rate: f64 = change.displacements.iter().zip(&w).map(|(u, w)| u * w).sum();
+    let size: f64 = change
+        .displacements
+        .iter()
+        .zip(&w)
+        .map(|(u, w)| (u * w).abs())
+        .sum();
+    let same = (rate - gradient[0] * delta[0] - gradient[1] * delta[1]).abs();
+    ensure(same <= 1e-8 * size, "the gradient has the rate of the derivative")?;
+    Ok(format!(
+        "derivative (margin {margin:.1e}, {begun:.2} s): {forward:.2} s and {iterations} iterations, transposed {transposed:.2} s and {others}: \
+         {:.2} times as long; they agree to {:.0e}",
+        transposed / forward,
+        same / size
+    ))
 }
 
 /// Load levels up to α = 1, from rest: steps and time of each, and how many nodes changed their state in it.
