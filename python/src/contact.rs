@@ -71,7 +71,7 @@ impl Form {
 /// foundation : Foundation, str or Mortar
 ///     A rigid foundation; or the group of facets on the other side, where both sides are deformable (the bodies are parts of one mesh,
 ///     whose nodes need not match), with its settings as a :class:`Mortar`.
-/// friction : number, array of shape (p,), Friction, or a pair of them, GivenBound, LimitedShear, Cohesion, Bonded, or None
+/// friction : number, array of shape (p,), Friction, or a pair of them, GivenBound, LimitedShear, Cohesion, Wear, Bonded, or None
 ///     The coefficient (an array of shape (number of mesh nodes,) gives those of the contact nodes by its entries at :attr:`nodes`); in
 ///     space also a pair of coefficients, along the two tangents; :class:`GivenBound`: Tresca friction; ``None``: none.
 /// load, rate : Load, optional
@@ -85,10 +85,13 @@ impl Form {
 ///     displacements alone, with multigrid, for bodies of up to millions of displacements: :meth:`solve` and :func:`evolve` only, curves
 ///     are not followed. "auto": "reduced" for solids of more than 6000 free displacements and plane bodies of more than 3 million on
 ///     rigid foundations with nodal multipliers, else "condensed".
-/// multipliers : "nodal", "dual cells" or float, optional
+/// multipliers : "nodal", "dual cells", int, list of str, or pair of a Mesh and str, optional
 ///     The space of the p contact forces (Haslinger, Kučera, Vlach 2008): nodal forces (unless given); constant on the part of the facets
-///     nearest to each node ("dual cells"); or constant on patches, each of the facets whose centroids lie in one box of a grid of this
-///     width. Contact nodes of patches are the mesh nodes nearest to their centroids.
+///     nearest to each node ("dual cells"); or polynomials on the elements of a partition T_H: k facets merged (k × k quadrilaterals in
+///     space), the groups of facets named, or the facets of a group of another mesh, which lie on the boundary and may cut the body's. Each
+///     force is that of a function ψ ≥ 0; contact nodes are the mesh nodes nearest to the centroids of these.
+/// degree : {"constant", "linear", "continuous"}
+///     Of the polynomials on a partition: constant; linear, with jumps between elements; linear and continuous.
 /// stiffness : pair of numbers or arrays of shape (p,), optional
 ///     Of a layer between both sides, along the normal and along the tangents, forces per area and displacement (``None``: rigid): normal
 ///     compliance and elastic slip, in series with the law. Penetrations and slips of solutions are those of the law, without the layer.
@@ -116,7 +119,7 @@ impl ContactProblem {
     #[new]
     #[pyo3(signature = (
         body, facets, foundation, friction, *, load=None, rate=None, paths=None, form="condensed", multipliers=None,
-        stiffness=None
+        degree="constant", stiffness=None
     ))]
     fn new(
         body: &Bound<'_, Body>,
@@ -128,6 +131,7 @@ impl ContactProblem {
         paths: Option<Vec<(Bound<'_, Load>, Bound<'_, PyAny>)>>,
         form: &str,
         multipliers: Option<&Bound<'_, PyAny>>,
+        degree: &str,
         stiffness: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let (py, system) = (body.py(), &body.get().system);
@@ -138,7 +142,9 @@ impl ContactProblem {
             PyString::new(py, form),
             PyList::new(py, &paths)?,
         );
-        let options: [(&'static str, Option<&Bound<'_, PyAny>>); 6] = [
+        let order = PyString::new(py, degree);
+        let options: [(&'static str, Option<&Bound<'_, PyAny>>); 7] = [
+            ("degree", Some(&order)),
             ("load", load.map(|l| l.as_any())),
             ("rate", rate.map(|l| l.as_any())),
             ("paths", Some(&list)),
@@ -161,7 +167,7 @@ impl ContactProblem {
                 "between two boundaries multipliers are those of the nodes of the first: leave out multipliers",
             ));
         }
-        let multipliers = self::multipliers(multipliers)?;
+        let multipliers = self::multipliers(multipliers, degree)?;
         let cases: Vec<LoadCase> = paths.iter().map(|(load, _)| load.get().case.clone()).collect();
         let path = load_path(body, load, rate, paths)?;
         let wanted = match form {

@@ -2,10 +2,11 @@
 
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use semismooth::fem::{self, ContactRows, MultiplierSpace};
+use semismooth::fem::{self, ContactRows, Degree, MultiplierSpace, Partition};
 
 use crate::arrays::vector;
 use crate::fields::{Direction, Failures, Scalar, in_space};
+use crate::mesh::Mesh;
 use crate::saving::Made;
 
 /// A rigid foundation: the gap below each contact node, and the direction in which it is measured. Made by :meth:`plane` and :meth:`gap`.
@@ -196,22 +197,46 @@ impl Opposite {
     }
 }
 
-/// The space of contact forces by its name, or the size of its patches.
-pub(crate) fn multipliers(given: Option<&Bound<'_, PyAny>>) -> PyResult<MultiplierSpace> {
+/// The space of contact forces by its name, or as polynomials of a degree on a partition: a number of facets to be merged, names of groups,
+/// or a mesh and the name of one of its groups.
+pub(crate) fn multipliers(given: Option<&Bound<'_, PyAny>>, degree: &str) -> PyResult<MultiplierSpace> {
+    let degree = match degree {
+        "constant" => Degree::Constant,
+        "linear" => Degree::Linear,
+        "continuous" => Degree::Continuous,
+        other => {
+            return Err(PyValueError::new_err(format!(
+                "degree = \"{other}\" is not known: write \"constant\", \"linear\" or \"continuous\""
+            )));
+        }
+    };
     let Some(given) = given else {
         return Ok(MultiplierSpace::Nodal);
     };
-    if let Ok(size) = given.extract::<f64>() {
-        return Ok(MultiplierSpace::Patches { size });
+    if let Ok(name) = given.extract::<String>() {
+        match name.as_str() {
+            "nodal" => return Ok(MultiplierSpace::Nodal),
+            "dual cells" => return Ok(MultiplierSpace::DualCells),
+            _ => {}
+        }
+    } else {
+        let partition = if let Ok(count) = given.extract::<usize>() {
+            Some(Partition::Merged(count))
+        } else if let Ok((mesh, facets)) = given.extract::<(PyRef<'_, Mesh>, String)>() {
+            let mesh = mesh.mesh.clone();
+            Some(Partition::Coarse { mesh, facets })
+        } else {
+            given.extract::<Vec<String>>().ok().map(Partition::Groups)
+        };
+        if let Some(partition) = partition {
+            return Ok(MultiplierSpace::Piecewise { partition, degree });
+        }
     }
-    match given.extract::<String>().as_deref() {
-        Ok("nodal") => Ok(MultiplierSpace::Nodal),
-        Ok("dual cells") => Ok(MultiplierSpace::DualCells),
-        _ => Err(PyValueError::new_err(format!(
-            "multipliers = {} is not known: write \"nodal\", \"dual cells\", or the size of patches",
-            given.repr()?
-        ))),
-    }
+    Err(PyValueError::new_err(format!(
+        "multipliers = {} is not known: write \"nodal\", \"dual cells\", a number of facets to be merged, a list of groups of facets, or \
+         a pair of a mesh and one of its groups",
+        given.repr()?
+    )))
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -293,6 +293,39 @@ impl Cohesion {
     }
 }
 
+/// Wear (Archard 1953): the law of ``friction`` at a gap that grows at the end of each level of :func:`evolve`, by ``coefficient`` times
+/// pressure times slip, k p s. The depth is the last column of :attr:`EvolutionStep.history`.
+///
+/// Parameters
+/// ----------
+/// friction : number, array of shape (p,), Friction, a pair of them, GivenBound, LimitedShear, Cohesion, Bonded, or None
+/// coefficient : number or array of shape (p,)
+///     k ≥ 0, an area per force; where the problem is given by matrices 1 per nodal force.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct Wear {
+    pub(crate) made: Made,
+    friction: Option<Py<PyAny>>,
+    coefficient: PerNode,
+}
+
+#[pymethods]
+impl Wear {
+    #[new]
+    fn new(friction: Option<&Bound<'_, PyAny>>, coefficient: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let py = coefficient.py();
+        let none = py.None().into_bound(py);
+        Ok(Self {
+            made: Made::by(py, "new", &[friction.unwrap_or(&none), coefficient], &[])?,
+            friction: friction.map(|f| f.clone().unbind()),
+            coefficient: PerNode::of(coefficient, "the coefficient of wear")?,
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Wear: coefficient {}>", self.coefficient)
+    }
+}
+
 /// Nodes glued to what they touch, whatever the forces. With ``stiffness`` of :class:`ContactProblem` an elastic bond.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Bonded {
@@ -386,6 +419,14 @@ pub(crate) fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize, areas: &[f64]
         let law = contact::Cohesive::new(law(inner, dim, areas)?, tension);
         return Ok(Arc::new(law.map_err(raised)?));
     }
+    if let Ok(wear) = friction.cast::<Wear>() {
+        let own = wear.get();
+        let inner = own.friction.as_ref().map(|f| f.bind(friction.py()));
+        let coefficients = own.coefficient.at(nodes, "the coefficient of wear")?;
+        let rates = coefficients.iter().zip(areas).map(|(k, a)| k / a).collect();
+        let law = contact::Worn::new(law(inner, dim, areas)?, rates);
+        return Ok(Arc::new(law.map_err(raised)?));
+    }
     if friction.cast::<Bonded>().is_ok() {
         return Ok(match dim {
             2 => Arc::new(contact::Bonded::plane()),
@@ -413,6 +454,7 @@ pub(crate) fn shifted(
         || friction.cast::<GivenBound>().is_ok()
         || friction.cast::<LimitedShear>().is_ok()
         || friction.cast::<Cohesion>().is_ok()
+        || friction.cast::<Wear>().is_ok()
         || friction.cast::<Bonded>().is_ok();
     if other {
         return Ok(None);
@@ -430,5 +472,6 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<GivenBound>()?;
     module.add_class::<LimitedShear>()?;
     module.add_class::<Cohesion>()?;
+    module.add_class::<Wear>()?;
     module.add_class::<Bonded>()
 }

@@ -16,7 +16,7 @@ use crate::diagram::{Diagram, Edge, Vertex};
 use crate::events::{BranchPoint, Crossing, Fold, Transition};
 use crate::foundation::Foundation;
 use crate::friction::FrictionResult;
-use crate::laws::{Bonded, Cohesion, Friction, GivenBound, LimitedShear};
+use crate::laws::{Bonded, Cohesion, Friction, GivenBound, LimitedShear, Wear};
 use crate::lists::{Continuum, Solution, SolutionSet};
 use crate::map::Map;
 use crate::mesh::Mesh;
@@ -185,6 +185,7 @@ made!(
     GivenBound,
     LimitedShear,
     Cohesion,
+    Wear,
     Bonded,
     ContactProblem
 );
@@ -283,6 +284,7 @@ own!(
     GivenBound,
     LimitedShear,
     Cohesion,
+    Wear,
     Bonded,
     ContactProblem,
     ContactSolution

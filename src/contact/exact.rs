@@ -26,6 +26,9 @@ impl<L: NodeLaw> PerNode<L> {
         let form = |k: usize| {
             let mut form = ExactForm::zero(2 * q);
             form.constant = Exact::new(at_rest(&self.body, &self.reference, k))?;
+            if k < self.body.num_contacts() {
+                form.constant = &form.constant + &Exact::new(self.law.wear(self.history_of(k)))?;
+            }
             form.coefficients[k] = -&Exact::one();
             Some(form)
         };

@@ -55,7 +55,7 @@ pub use history::HistorySensitivity;
 pub use law::{
     Bonded, Cohesive, ContactState, FrictionCoefficient, FrictionCurve, Frictionless, GivenBound,
     LimitedShear, LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, MultiplierCoulomb, NodeLaw,
-    OrthotropicCoulomb, PlanarCoulomb, check_law,
+    OrthotropicCoulomb, PlanarCoulomb, Worn, check_law,
 };
 pub use multipliers::{check_multipliers, inf_sup_constant};
 pub use parameters::ContactParameters;

@@ -316,11 +316,13 @@ pub enum FemError {
         /// "normal" or "tangential".
         direction: &'static str,
     },
-    /// A patch size of multipliers that is not positive and finite.
-    #[error("the size of the patches of multipliers is {size}; it must be positive and finite")]
-    PatchSize {
-        /// H.
-        size: f64,
+    /// A [`Partition`](super::Partition) that does not cover the boundary once, or has elements that are too large or of no use.
+    #[error("the partition of \"{facets}\" into elements of multipliers: {what}")]
+    Partition {
+        /// The boundary.
+        facets: String,
+        /// What is wrong.
+        what: String,
     },
     /// A normal or tangent that is zero, not finite, or a tangent that is not orthogonal to the normal.
     #[error("contact node {node}: {what}")]

@@ -19,18 +19,8 @@ pub(super) fn integrate_with_normals(
     let (dim, reference) = (mesh.dim(), Reference::of_facet(mesh.dim(), nodes.len()));
     for sample in &reference.table().quadrature {
         let here = Place::of(&sample.value, &sample.gradient, mesh.points(), nodes);
-        let area = here.area(dim);
-        let measure = norm(area);
-        let normal = match dim {
-            2 => [area[1], -area[0], 0.0],
-            _ => area,
-        };
-        f(
-            here.at,
-            &sample.value,
-            sample.weight * measure,
-            normal.map(|n| n / measure),
-        );
+        let (measure, normal) = here.measure(dim);
+        f(here.at, &sample.value, sample.weight * measure, normal);
     }
 }
 
@@ -43,8 +33,12 @@ fn over_facet(dim: usize, points: &[[f64; 3]], nodes: &[usize], mut f: impl FnMu
 }
 
 /// The same on each part of a facet that lies nearest to one of its corners in reference coordinates (halves of a segment, quarters
-/// of a quadrilateral, thirds of a triangle): `f(corner, point, shape values, weight × measure)`.
-pub(super) fn integrate_parts(mesh: &Mesh, nodes: &[usize], f: impl FnMut(usize, [f64; 3], &[f64], f64)) {
+/// of a quadrilateral, thirds of a triangle): `f(corner, point, shape values, weight × measure, unit normal)`.
+pub(super) fn integrate_parts(
+    mesh: &Mesh,
+    nodes: &[usize],
+    f: impl FnMut(usize, [f64; 3], &[f64], f64, [f64; 3]),
+) {
     over_parts(mesh.dim(), mesh.points(), nodes, f);
 }
 
@@ -52,7 +46,7 @@ fn over_parts(
     dim: usize,
     points: &[[f64; 3]],
     nodes: &[usize],
-    mut f: impl FnMut(usize, [f64; 3], &[f64], f64),
+    mut f: impl FnMut(usize, [f64; 3], &[f64], f64, [f64; 3]),
 ) {
     let reference = Reference::of_facet(dim, nodes.len());
     let (rule, corners) = (&reference.table().quadrature, reference.linear().points());
@@ -61,12 +55,8 @@ fn over_parts(
         let (mut shape, mut gradient) = ([0.0; MAX_FACET], [[0.0; 3]; MAX_FACET]);
         reference.functions(x, &mut shape, &mut gradient);
         let here = Place::of(&shape, &gradient, points, nodes);
-        f(
-            corner,
-            here.at,
-            &shape[..nodes.len()],
-            weight * norm(here.area(dim)),
-        );
+        let (measure, normal) = here.measure(dim);
+        f(corner, here.at, &shape[..nodes.len()], weight * measure, normal);
     };
     for corner in 0..k {
         if reference.is_simplex() {
@@ -129,7 +119,7 @@ mod tests {
                 }
                 whole[3] += w;
             });
-            over_parts(dim, &points, &nodes, |corner, x, shape, w| {
+            over_parts(dim, &points, &nodes, |corner, x, shape, w, _| {
                 assert!((shape.iter().sum::<f64>() - 1.0).abs() < 1e-14);
                 assert!(nodes.len() > corners || shape.iter().all(|s| shape[corner] >= *s));
                 for d in 0..3 {

@@ -2,6 +2,7 @@
 
 use super::Mesh;
 use super::element::{MAX_FACET, Reference};
+use super::place::Place;
 use super::vectors::{cross, difference, dot, mean, norm};
 use crate::tolerances::SAME;
 
@@ -28,13 +29,14 @@ pub(super) struct Side<'a> {
     /// Unit outward normal, and length or area, of the facet with straight edges between the corners.
     pub(super) normal: [f64; 3],
     pub(super) measure: f64,
-    radius: f64,
+    pub(super) radius: f64,
 }
 
 /// A point of integration on one facet and the point opposite on another.
 pub(super) struct Meeting {
-    /// Weight × measure on the first.
+    /// Weight × measure on the first, and reference coordinates there.
     pub(super) weight: f64,
+    pub(super) x: [f64; 2],
     /// Shape values of both.
     pub(super) own: [f64; MAX_FACET],
     pub(super) other: [f64; MAX_FACET],
@@ -97,6 +99,58 @@ impl<'a> Side<'a> {
         values
     }
 
+    /// The linear functions of the corners at the point of this facet nearest to a point, as seen along the normal of the facet with straight
+    /// edges.
+    pub(super) fn hats_at(&self, at: [f64; 3]) -> [f64; 4] {
+        let x = match self.corners() {
+            [a, b] => {
+                let along = difference(*b, *a);
+                let s = dot(difference(at, *a), along) / self.measure.powi(2);
+                Some([2.0 * s.clamp(0.0, 1.0) - 1.0, 0.0])
+            }
+            corners => {
+                let axes = self.axes();
+                let corners: Vec<_> = corners.iter().map(|c| self.flat(&axes, c)).collect();
+                let x = inverted(&corners, self.flat(&axes, &at));
+                x.map(|x| match self.reference.is_simplex() {
+                    true => x,
+                    false => x.map(|s| s.clamp(-1.0, 1.0)),
+                })
+            }
+        };
+        // Facets too skew to be inverted are no elements that a mesh can have.
+        let shape = self.shape(x.unwrap_or_default());
+        self.hats(&shape[..self.nodes.len()])
+    }
+
+    /// The unit normal at reference coordinates, and the measure there over that of the facet with straight edges.
+    pub(super) fn stretched(&self, x: [f64; 2]) -> ([f64; 3], f64) {
+        let (dim, x) = (1 + self.reference.dim(), [x[0], x[1], 0.0]);
+        let area = |reference: Reference| {
+            let (mut values, mut slopes) = ([0.0; MAX_FACET], [[0.0; 3]; MAX_FACET]);
+            reference.functions(x, &mut values, &mut slopes);
+            let nodes: [usize; MAX_FACET] = std::array::from_fn(|k| k);
+            let nodes = &nodes[..reference.nodes];
+            Place::of(&values[..nodes.len()], &slopes, &self.points, nodes).measure(dim)
+        };
+        let ((own, normal), (straight, _)) = (area(self.reference), area(self.reference.linear()));
+        (normal, own / straight)
+    }
+
+    /// Axes in the plane of the facet.
+    fn axes(&self) -> [[f64; 3]; 2] {
+        let first = difference(self.points[1], self.points[0]);
+        let first = first.map(|x| x / norm(first));
+        let along = dot(first, self.normal);
+        let first: [f64; 3] = std::array::from_fn(|d| first[d] - along * self.normal[d]);
+        [first, cross(self.normal, first)].map(|a| a.map(|x| x / norm(a)))
+    }
+
+    /// Coordinates in the plane of the facet, in units of its size.
+    fn flat(&self, axes: &[[f64; 3]; 2], c: &[f64; 3]) -> [f64; 2] {
+        axes.map(|a| dot(difference(*c, self.centre), a) / self.radius)
+    }
+
     /// Whether the other facet may lie opposite this one, along its normal and not further than `reach`.
     pub(super) fn may_face(&self, other: &Self, reach: f64) -> bool {
         let way = difference(other.centre, self.centre);
@@ -120,6 +174,7 @@ impl<'a> Side<'a> {
             let at = self.at(&own);
             f(Meeting {
                 weight,
+                x,
                 at,
                 way: difference(other.at(&opposite), at),
                 own,
@@ -162,13 +217,8 @@ impl<'a> Side<'a> {
         covered: &mut [bool; 4],
         add: &mut impl FnMut(f64, [f64; 2], [f64; 2]),
     ) {
-        // Coordinates in the plane of this facet, in units of its size.
-        let first = difference(self.points[1], self.points[0]);
-        let first = first.map(|x| x / norm(first));
-        let along = dot(first, self.normal);
-        let first: [f64; 3] = std::array::from_fn(|d| first[d] - along * self.normal[d]);
-        let axes = [first, cross(self.normal, first)].map(|a| a.map(|x| x / norm(a)));
-        let flat = |c: &[f64; 3]| axes.map(|a| dot(difference(*c, self.centre), a) / self.radius);
+        let axes = self.axes();
+        let flat = |c: &[f64; 3]| self.flat(&axes, c);
         let own: Vec<_> = self.corners().iter().map(flat).collect();
         let opposite: Vec<_> = other.corners().iter().map(flat).collect();
         let part = clipped(&opposite, &own);

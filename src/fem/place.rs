@@ -1,7 +1,7 @@
 //! Points of facets.
 
 use super::element::Reference;
-use super::vectors::cross;
+use super::vectors::{cross, norm};
 
 /// A point of a facet, with its tangents along the reference coordinates.
 pub(super) struct Place {
@@ -29,6 +29,17 @@ impl Place {
             2 => self.tangents[0],
             _ => cross(self.tangents[0], self.tangents[1]),
         }
+    }
+
+    /// Length or area per unit of the reference facet, and the unit normal.
+    pub(super) fn measure(&self, dim: usize) -> (f64, [f64; 3]) {
+        let area = self.area(dim);
+        let normal = match dim {
+            2 => [area[1], -area[0], 0.0],
+            _ => area,
+        };
+        let measure = norm(area);
+        (measure, normal.map(|n| n / measure))
     }
 }
 

@@ -84,7 +84,7 @@ impl<'a> TraceSpace<'a> {
         let mut entries = Vec::new();
         let mut at_point = Vec::new();
         for nodes in self.facets {
-            integrate_parts(self.mesh, nodes, |_, x, shape, measure| {
+            integrate_parts(self.mesh, nodes, |_, x, shape, measure, _| {
                 at_point.clear();
                 evaluate(x, &mut at_point);
                 for &(k, mu) in &at_point {

@@ -1,8 +1,8 @@
 use std::path::Path;
 
 use semismooth::fem::{
-    CellKind, Elasticity, Foundation, Material, MaterialConstant, Mesh, Mortar, MultiplierSpace, PlaneModel,
-    PlasticBody, Spring, TraceSpace, VonMises, parse_gmsh, read_gmsh,
+    CellKind, Degree, Elasticity, Foundation, Material, MaterialConstant, Mesh, Mortar, MultiplierSpace,
+    Partition, PlaneModel, PlasticBody, Spring, TraceSpace, VonMises, parse_gmsh, read_gmsh,
 };
 use semismooth::interface::LoadCase;
 
@@ -499,27 +499,58 @@ fn bodies(t: &mut Table) {
     t.refuses("fem::ElasticSystem::contact", "a fixed boundary", "", || {
         system.contact("top", &Foundation::gap(|_| 0.0))
     });
-    for bad in BAD.into_iter().chain(NOT_POSITIVE) {
-        t.refuses(
-            "fem::ElasticSystem::contact_with",
-            "the size of patches",
-            "size",
-            || {
-                system.contact_with(
-                    "bottom",
-                    &Foundation::gap(|_| 0.0),
-                    MultiplierSpace::Patches { size: bad },
-                )
-            },
-        );
-    }
-    for size in [1e-320, f64::MAX] {
-        t.survives("fem::ElasticSystem::contact_with", "patches", || {
-            system.contact_with(
-                "bottom",
-                &Foundation::gap(|_| 0.0),
-                MultiplierSpace::Patches { size },
-            )
+    let on = |partition: Partition, degree| {
+        let space = MultiplierSpace::Piecewise { partition, degree };
+        system.contact_with("bottom", &Foundation::gap(|_| 0.0), space)
+    };
+    let coarse = |mesh: Mesh, facets: &str| Partition::Coarse {
+        mesh,
+        facets: facets.into(),
+    };
+    let plate = |x: [f64; 2]| Mesh::rectangle([x[0], 0.0], [x[1], 1.0], [1, 1]).unwrap();
+    for (what, named, partition) in [
+        ("none merged", "\"bottom\"", Partition::Merged(0)),
+        (
+            "elements larger than the boundary",
+            "larger than the boundary",
+            Partition::Merged(99),
+        ),
+        ("an unknown element", "\"x\"", Partition::Groups(vec!["x".into()])),
+        ("no elements", "no element", Partition::Groups(Vec::new())),
+        (
+            "an element twice",
+            "in two elements",
+            Partition::Groups(vec!["bottom".into(), "bottom".into()]),
+        ),
+        (
+            "an element elsewhere",
+            "\"top\"",
+            Partition::Groups(vec!["bottom".into(), "top".into()]),
+        ),
+        (
+            "half a boundary",
+            "no element",
+            coarse(plate([0.0, 0.25]), "bottom"),
+        ),
+        ("the other side", "no element", coarse(plate([0.0, 1.0]), "top")),
+        (
+            "more than the boundary",
+            "reaches beyond",
+            coarse(plate([0.0, 9.0]), "bottom"),
+        ),
+        (
+            "an unknown group of a coarse mesh",
+            "\"x\"",
+            coarse(plate([0.0, 1.0]), "x"),
+        ),
+        (
+            "a coarse mesh in space",
+            "3",
+            coarse(Mesh::block([0.0; 3], [1.0; 3], [1; 3]).unwrap(), "bottom"),
+        ),
+    ] {
+        t.refuses("fem::ElasticSystem::contact_with", what, named, || {
+            on(partition.clone(), Degree::Continuous)
         });
     }
     t.survives("fem::ElasticSystem::dof", "any node", || {

@@ -5,7 +5,9 @@ use semismooth::contact::{
     ContactError, ContactForm, ContactProblem, ContactState, FrictionCoefficient, LoadPath, NodeLaw,
     OrthotropicCoulomb, PlanarCoulomb,
 };
-use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, MultiplierSpace};
+use semismooth::fem::{
+    ContactRows, Degree, ElasticSystem, Elasticity, Foundation, Material, Mesh, MultiplierSpace, Partition,
+};
 use semismooth::{contact_problem, reduced_body};
 
 /// A clamped block beside the ground, pressed and pulled, with gaps that open and close.
@@ -149,9 +151,11 @@ fn large_bodies_are_solved_in_their_displacements_where_contact_is_nodal() {
     let (system, ground, load) = block(3);
     let rows = system.contact("bottom", &ground).unwrap();
     assert_eq!(auto(&system, &rows), ContactForm::Displacements);
-    let patches = system
-        .contact_with("bottom", &ground, MultiplierSpace::Patches { size: 0.7 })
-        .unwrap();
+    let merged = MultiplierSpace::Piecewise {
+        partition: Partition::Merged(2),
+        degree: Degree::Constant,
+    };
+    let patches = system.contact_with("bottom", &ground, merged).unwrap();
     assert_eq!(auto(&system, &patches), ContactForm::Condensed);
     let refused = reduced_body(&system, &patches, load.clone());
     assert!(matches!(refused, Err(ContactError::NotNodal { .. })));

@@ -5,10 +5,11 @@ use std::ops::ControlFlow;
 use semismooth::contact::{
     Bonded, Cohesive, CondensedContact, ContactBody, ContactError, ContactState, EvolutionOptions,
     FixedPointOptions, FrictionCoefficient, FullContact, LimitedShear, LoadPath, NodeLaw, OrthotropicCoulomb,
-    PlanarCoulomb, evolve, fixed_point,
+    PlanarCoulomb, ReducedContact, ReducedOptions, Worn, evolve, fixed_point,
 };
 use semismooth::continuation::{Branch, Continuation, ContinuationOptions, Direction};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
+use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
 use semismooth::piecewise::check::{CheckOptions, check};
 use semismooth::sparse::Matrix;
 
@@ -141,6 +142,110 @@ fn cohesion_reaches_to_the_apex() {
     );
 }
 
+/// Wear with k = 0.1 of a node that the force 6 presses, pushed to and fro by 8 without friction, so that it slips by 2 each time. Under a
+/// dead load, w = k p s; on a spring of stiffness 2, p = 6 − 2 w: the explicit rule is w' = w + k (6 − 2 w) s, whose limit is
+/// w = 3 (1 − exp(−0.2 s)), approached in first order.
+#[test]
+fn wear_is_k_p_s() {
+    let law = Worn::new(coulomb(0.0), vec![0.1]).unwrap();
+    let depths = |stiffness: f64, parts: usize| {
+        let a = Matrix::from_rows(&[[stiffness, 0.0], [0.0, 4.0]]).unwrap();
+        let [normal, tangential] = [[1.0, 0.0], [0.0, 1.0]].map(|row| Matrix::from_rows(&[row]).unwrap());
+        let load = LoadPath::affine(vec![6.0, 0.0], vec![0.0, 1.0]);
+        let body = ContactBody::new(a, normal, vec![tangential], load).unwrap();
+        let mut problem = FullContact::new(body, law.clone()).unwrap();
+        let start = problem.solve(0.0, None).unwrap();
+        let levels: Vec<f64> = (1..=2 * parts)
+            .map(|k| 8.0 * (1.0 - (k as f64 / parts as f64 - 1.0).abs()))
+            .collect();
+        let options = EvolutionOptions::default();
+        let steps = evolve(&mut problem, &start, &levels, &options, |_| {
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        for pair in steps.windows(2) {
+            // A node in contact has sunk to the depth at the end of the level before.
+            assert!((pair[1].displacements[0] - pair[0].history[0]).abs() < 1e-12);
+        }
+        steps.iter().map(|s| s.history[0]).collect::<Vec<_>>()
+    };
+    for (k, depth) in depths(0.0, 4).iter().enumerate() {
+        assert!(
+            (depth - 0.1 * 6.0 * 0.5 * (k + 1) as f64).abs() < 1e-12,
+            "{k} {depth}"
+        );
+    }
+    let error = |parts: usize| {
+        let found = depths(2.0, parts);
+        for (k, depth) in found.iter().enumerate() {
+            let left = (1.0 - 0.2 * 2.0 / parts as f64).powi(1 + k as i32);
+            assert!((depth - 3.0 * (1.0 - left)).abs() < 1e-12, "{parts} {k} {depth}");
+        }
+        (found.last().unwrap() - 3.0 * (1.0 - (-0.8f64).exp())).abs()
+    };
+    let ratio = error(16) / error(32);
+    assert!((ratio - 2.0).abs() < 0.1, "{ratio}");
+}
+
+/// A block pushed to and fro wears off alike in all forms, and its solutions at the end are proven with the gap that it has then.
+#[test]
+fn worn_surfaces_are_those_of_every_form() {
+    let mesh = Mesh::rectangle([0.0; 2], [2.0, 1.0], [6, 3]).unwrap();
+    let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap())
+        .prescribe("top", 0, |_| 0.0)
+        .prescribe("top", 1, |_| -0.05)
+        .assemble()
+        .unwrap();
+    let rows = system
+        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
+        .unwrap();
+    let load = || {
+        let motion = system.motion("top", 0, |_| 0.1).unwrap();
+        LoadPath::affine(system.supports().clone(), motion)
+    };
+    let rates = rows.areas.iter().map(|a| 2.0 / a).collect();
+    let law = Worn::new(coulomb(0.3), rates).unwrap();
+    let levels = [0.5, 1.0, 0.0, -1.0];
+    let go = |_: &_| ControlFlow::Continue(());
+    let body = || semismooth::contact_body(&system, &rows, load()).unwrap();
+    let options = EvolutionOptions::default();
+    let mut condensed = CondensedContact::new(body(), law.clone()).unwrap();
+    let start = condensed.solve(0.0, None).unwrap();
+    let steps = evolve(&mut condensed, &start, &levels, &options, go).unwrap();
+    let mut full = FullContact::new(body(), law.clone()).unwrap();
+    let start = full.solve(0.0, None).unwrap();
+    let in_full = evolve(&mut full, &start, &levels, &options, go).unwrap();
+    let reduced = semismooth::reduced_body(&system, &rows, load()).unwrap();
+    let mut reduced = ReducedContact::new(reduced, law, ReducedOptions::default()).unwrap();
+    let all = [0.0, 0.5, 1.0, 0.0, -1.0];
+    let in_displacements = reduced.evolve(None, &all, |_| ControlFlow::Continue(())).unwrap();
+    for (k, step) in steps.iter().enumerate() {
+        let others = [&in_full[k].history, &in_displacements[k + 1].history];
+        for (i, depth) in step.history.iter().enumerate() {
+            for other in others {
+                assert!((depth - other[i]).abs() < 1e-9, "{k} {i} {depth} {}", other[i]);
+            }
+            assert!(k == 0 || *depth >= steps[k - 1].history[i]);
+        }
+    }
+    let deepest = steps[3].history.iter().fold(0.0_f64, |m, w| m.max(*w));
+    assert!(deepest > 0.01 && deepest < 0.05, "{deepest}");
+    let x = condensed.solve(-0.5, None).unwrap();
+    let set = all_solutions(&condensed, -0.5, &EnumerationOptions::default()).unwrap();
+    assert!(set.completeness.is_complete());
+    assert!(
+        set.solutions
+            .iter()
+            .any(|s| s.x.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-10))
+    );
+    // What a worn surface has no theory for is refused.
+    let error = fixed_point(&condensed, &x, &FixedPointOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("worn"), "{error}");
+    let parameters = [condensed.parameters()];
+    let error = condensed.history_sensitivity(&[x], &parameters).err().unwrap();
+    assert!(error.to_string().contains("history variables"), "{error}");
+}
+
 /// A layer of normal compliance 0.25 and tangential compliance 0.5: it is pressed in by λν / 4, and slips elastically by λt / 2 before it
 /// slips at the bound; what it slipped stays where the force is taken back.
 #[test]
@@ -256,6 +361,10 @@ fn wrong_data_are_named() {
         invalid(
             Cohesive::new(coulomb(0.3), vec![0.0, bad]).unwrap_err(),
             "tension at contact node 1",
+        );
+        invalid(
+            Worn::new(coulomb(0.3), vec![0.0, bad]).unwrap_err(),
+            "rate of wear at contact node 1",
         );
         invalid(
             node([0.0; 2], [0.0; 2])

@@ -4,8 +4,8 @@ use std::f64::consts::FRAC_PI_2;
 
 use semismooth::contact::{CondensedContact, Frictionless, LoadPath};
 use semismooth::fem::{
-    BoundaryFacet, CellKind, Dilatation, ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh,
-    MultiplierSpace, parse_gmsh,
+    BoundaryFacet, CellKind, Degree, Dilatation, ElasticSystem, Elasticity, FemError, Foundation, Material,
+    Mesh, MultiplierSpace, Partition, parse_gmsh,
 };
 
 use super::{first_order, moved, raised};
@@ -181,6 +181,20 @@ fn pressed(mesh: Mesh) -> ElasticSystem {
     body.assemble().unwrap()
 }
 
+/// Two elements that cut facets, in space two by two.
+fn on_coarse(dim: usize, degree: Degree) -> MultiplierSpace {
+    let (x, y) = ([0.0, 0.9, 2.0], [0.0, 0.35, 1.0]);
+    let mesh = match dim {
+        2 => Mesh::rectangle_graded(&x, &y),
+        _ => Mesh::block_graded(&x, &y, &[0.0, 1.0]),
+    };
+    let partition = Partition::Coarse {
+        mesh: mesh.unwrap(),
+        facets: "bottom".into(),
+    };
+    MultiplierSpace::Piecewise { partition, degree }
+}
+
 /// Uniform pressure on a flat foundation, for each kind of cell and each space of multipliers: linear between corners it is exact nodewise;
 /// the nodes on planes of symmetry hold their tangents.
 #[test]
@@ -198,11 +212,14 @@ fn uniform_pressure_is_exact() {
         for multipliers in [
             MultiplierSpace::Nodal,
             MultiplierSpace::DualCells,
-            MultiplierSpace::Patches { size: 0.9 },
+            on_coarse(dim, Degree::Constant),
+            on_coarse(dim, Degree::Linear),
+            on_coarse(dim, Degree::Continuous),
         ] {
+            let is_nodal = multipliers == MultiplierSpace::Nodal;
             let rows = system.contact_with("bottom", &ground, multipliers).unwrap();
             assert!((rows.areas.iter().sum::<f64>() - 2.0).abs() < 1e-14);
-            if multipliers == MultiplierSpace::Nodal {
+            if is_nodal {
                 let (nodes, held) = if dim == 2 { (4, 1) } else { (12, 6) };
                 assert_eq!((rows.nodes.len(), rows.num_held()), (nodes, held));
             }

@@ -6,7 +6,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use semismooth::output::BranchDiagram;
+use semismooth::output::OutputError;
 use serde::de::DeserializeOwned;
 use toml::Spanned;
 
@@ -43,12 +43,10 @@ impl RunArgs {
         &self,
         folder: &Path,
         name: &str,
-        picture: &BranchDiagram,
+        write: impl Fn(PathBuf) -> Result<(), OutputError>,
     ) -> Result<(), CommandError> {
         for file in self.pictures(name) {
-            picture
-                .write(folder.join(file))
-                .map_err(|e| CommandError::failed("the picture", e))?;
+            write(folder.join(file)).map_err(|e| CommandError::failed("the picture", e))?;
         }
         Ok(())
     }

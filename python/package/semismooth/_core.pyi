@@ -1113,6 +1113,14 @@ class Cohesion:
     ) -> Cohesion: ...
 
 @final
+class Wear:
+    def __new__(
+        cls,
+        friction: _Coefficient | tuple[_Coefficient, _Coefficient] | GivenBound | LimitedShear | Cohesion | Bonded | None,
+        coefficient: ArrayLike,
+    ) -> Wear: ...
+
+@final
 class Bonded:
     def __new__(cls) -> Bonded: ...
 
@@ -1151,7 +1159,8 @@ class ContactProblem:
         rate: Load | None = None,
         paths: Sequence[tuple[Load, Callable[[Any], Any] | Map]] | None = None,
         form: Literal["condensed", "full", "reduced", "auto"] = "condensed",
-        multipliers: Literal["nodal", "dual cells"] | float | None = None,
+        multipliers: Literal["nodal", "dual cells"] | int | Sequence[str] | tuple[Mesh, str] | None = None,
+        degree: Literal["constant", "linear", "continuous"] = "constant",
         stiffness: _Stiffness | None = None,
     ) -> ContactProblem: ...
     @staticmethod

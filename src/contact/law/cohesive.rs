@@ -1,5 +1,5 @@
 use super::ContactState;
-use super::node_law::{LocalRow, LocalValues, NodeLaw};
+use super::node_law::{LocalRow, LocalValues, NodeLaw, of_inner_law};
 use crate::contact::ContactError;
 use crate::piecewise::Facet;
 
@@ -33,56 +33,10 @@ impl<L: NodeLaw> Cohesive<L> {
 }
 
 impl<L: NodeLaw> NodeLaw for Cohesive<L> {
-    fn num_tangents(&self) -> usize {
-        self.law.num_tangents()
-    }
+    of_inner_law!();
 
     fn num_nodes(&self) -> Option<usize> {
         Some(self.tension.len())
-    }
-
-    fn num_pieces(&self) -> usize {
-        self.law.num_pieces()
-    }
-
-    fn num_tests(&self) -> usize {
-        self.law.num_tests()
-    }
-
-    fn cell(&self, piece: usize) -> &'static [Facet] {
-        self.law.cell(piece)
-    }
-
-    fn piece_name(&self, piece: usize) -> &'static str {
-        self.law.piece_name(piece)
-    }
-
-    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
-        self.law.state(piece, &self.inner(v))
-    }
-
-    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
-        self.law.tests(&self.inner(v), out);
-    }
-
-    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
-        self.law.test_rows(&self.inner(v), rows);
-    }
-
-    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
-        self.law.residual(piece, &self.inner(v))
-    }
-
-    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
-        self.law.rows(piece, &self.inner(v))
-    }
-
-    fn is_affine(&self) -> bool {
-        self.law.is_affine()
-    }
-
-    fn friction(&self, v: &LocalValues) -> [f64; 2] {
-        self.law.friction(&self.inner(v))
     }
 
     fn num_history(&self) -> usize {
@@ -93,19 +47,11 @@ impl<L: NodeLaw> NodeLaw for Cohesive<L> {
         self.law.update(&self.inner(v), history);
     }
 
-    fn depends_on_slip(&self) -> bool {
-        self.law.depends_on_slip()
-    }
-
-    fn affine_friction(&self, node: usize, history: &[f64]) -> Option<[f64; 2]> {
-        self.law.affine_friction(node, history)
-    }
-
     fn tension(&self, node: usize) -> f64 {
         self.tension.get(node).copied().unwrap_or(0.0) + self.law.tension(node)
     }
 
-    fn check(&self, v: &LocalValues) -> Result<(), ContactError> {
-        self.law.check(&self.inner(v))
+    fn wear(&self, history: &[f64]) -> f64 {
+        self.law.wear(history)
     }
 }

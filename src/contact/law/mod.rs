@@ -11,6 +11,7 @@ mod node_law;
 mod orthotropic;
 mod planar;
 mod state;
+mod worn;
 
 use super::ContactError;
 
@@ -25,6 +26,7 @@ pub use node_law::{LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw, check
 pub use orthotropic::OrthotropicCoulomb;
 pub use planar::PlanarCoulomb;
 pub use state::ContactState;
+pub use worn::Worn;
 
 /// Checks bounds of forces, or coefficients, one a contact node.
 fn check_bounds(what: &str, bounds: &[f64]) -> Result<(), ContactError> {

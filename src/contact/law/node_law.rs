@@ -386,6 +386,12 @@ pub trait NodeLaw {
         0.0
     }
 
+    /// The depth by which a node with these history variables is worn: its gap is wider by as much where the law of
+    /// [`affine_friction`](Self::affine_friction) is stated exactly.
+    fn wear(&self, _history: &[f64]) -> f64 {
+        0.0
+    }
+
     /// Checks coefficients at a point.
     ///
     /// # Errors
@@ -428,9 +434,77 @@ pointed_to! {
     fn is_coulomb(&self) -> bool;
     fn affine_friction(&self, node: usize, history: &[f64]) -> Option<[f64; 2]>;
     fn tension(&self, node: usize) -> f64;
+    fn wear(&self, history: &[f64]) -> f64;
     fn check(&self, v: &LocalValues) -> Result<(), ContactError>;
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
 }
+
+/// Methods of a law made of another one, `law`, at values that it changes, those of `inner`.
+macro_rules! of_inner_law {
+    () => {
+        fn num_tangents(&self) -> usize {
+            self.law.num_tangents()
+        }
+
+        fn num_pieces(&self) -> usize {
+            self.law.num_pieces()
+        }
+
+        fn num_tests(&self) -> usize {
+            self.law.num_tests()
+        }
+
+        fn cell(&self, piece: usize) -> &'static [Facet] {
+            self.law.cell(piece)
+        }
+
+        fn piece_name(&self, piece: usize) -> &'static str {
+            self.law.piece_name(piece)
+        }
+
+        fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
+            self.law.state(piece, &self.inner(v))
+        }
+
+        fn tests(&self, v: &LocalValues, out: &mut [f64]) {
+            self.law.tests(&self.inner(v), out);
+        }
+
+        fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
+            self.law.test_rows(&self.inner(v), rows);
+        }
+
+        fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
+            self.law.residual(piece, &self.inner(v))
+        }
+
+        fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
+            self.law.rows(piece, &self.inner(v))
+        }
+
+        fn is_affine(&self) -> bool {
+            self.law.is_affine()
+        }
+
+        fn friction(&self, v: &LocalValues) -> [f64; 2] {
+            self.law.friction(&self.inner(v))
+        }
+
+        fn depends_on_slip(&self) -> bool {
+            self.law.depends_on_slip()
+        }
+
+        fn affine_friction(&self, node: usize, history: &[f64]) -> Option<[f64; 2]> {
+            self.law.affine_friction(node, history)
+        }
+
+        fn check(&self, v: &LocalValues) -> Result<(), ContactError> {
+            self.law.check(&self.inner(v))
+        }
+    };
+}
+
+pub(super) use of_inner_law;
 
 pub(super) const CLOSED: Facet = Facet::positive(0);
 pub(super) const OPEN: Facet = Facet::negative(0);

@@ -184,6 +184,13 @@ pub fn fixed_point_observed<L: NodeLaw>(
             what: "the fixed-point iteration needs λν ≥ 0 and ‖λt‖ ≤ F λν: the law bears tension".to_owned(),
         });
     }
+    let worn = |node: usize| law.wear(problem.law().history_of(node)) > 0.0;
+    if (0..problem.num_contacts()).any(worn) {
+        return Err(ContactError::Invalid {
+            what: "the fixed-point iteration needs u_ν ≤ gap: nodes are worn; take their depths into the gap"
+                .to_owned(),
+        });
+    }
     let q = problem.num_residuals();
     check_vector("the solution x", start, problem.num_vars())?;
     let begin = problem.nodes(start);

@@ -7,7 +7,8 @@ use super::axis::Axis;
 use super::plane::LARGEST;
 use super::shape::{Anchor, Pixel, Shape};
 use super::{FRAME, SMALL, TEXT, legend, line, svg, text, write_picture};
-use crate::fem::Mesh;
+use crate::contact::ContactState;
+use crate::fem::{ElasticSystem, Mesh, von_mises_stress};
 use crate::input::check_options;
 use crate::output::OutputError;
 use crate::output::diagram::{Colour, SegmentStyle};
@@ -29,6 +30,8 @@ const UNDEFORMED: Colour = Colour::new(150, 150, 150);
 const BANDS: usize = 64;
 /// Cells beyond which their edges would hide the field: each edge is ½ pixel wide, in a picture of 640 × 480 pixels.
 const MOST_EDGES: usize = 3000;
+/// Size of the largest displacement in a picture, relative to the body.
+const SHOWN: f64 = 0.1;
 
 /// A picture of a body: its mesh, moved by magnified displacements and coloured by a field, with marks at nodes.
 ///
@@ -74,6 +77,40 @@ impl<'a> BodyPicture<'a> {
             view: (-60.0, 25.0),
             outline: false,
         }
+    }
+
+    /// A deformed body with the state of each of its contact nodes, cells in the colour of their stress of von Mises. `displacements` are those
+    /// that are free and those of the supports, as [`ElasticSystem::displacements`] takes them. Unless a `magnification` is given, the largest
+    /// displacement is shown as 4 to 10 % of the body, or to scale where it is larger. Bodies in space are seen from below, where they touch
+    /// the ground.
+    ///
+    /// # Errors
+    /// Displacements of the wrong length.
+    pub fn of_contact(
+        system: &'a ElasticSystem,
+        nodes: &[usize],
+        states: &[ContactState],
+        displacements: [&[f64]; 2],
+        magnification: Option<f64>,
+    ) -> Result<Self, OutputError> {
+        let [free, supports] = displacements;
+        let moved = system.displacements(free, supports)?;
+        let stress = system.stresses(free, supports)?;
+        let times = magnification.unwrap_or_else(|| suitable(system.mesh().points(), &moved));
+        let mut picture = Self::new(system.mesh())
+            .with_view(-60.0, -20.0)
+            .with_displacements(moved, times)
+            .with_field("von Mises stress", stress.iter().map(von_mises_stress).collect());
+        for (&node, &state) in nodes.iter().zip(states) {
+            picture = picture.with_mark(node, SegmentStyle::contact(state, false));
+        }
+        Ok(picture)
+    }
+
+    /// By how much displacements are magnified.
+    #[must_use]
+    pub fn magnification(&self) -> f64 {
+        self.magnification
     }
 
     /// Draws the outline of a plane body, without its cells and the field: a picture of any mesh is then small.
@@ -323,6 +360,27 @@ impl<'a> BodyPicture<'a> {
     }
 }
 
+/// 1, 2 or 5 times a power of ten, so that displacements are seen; 1 where they are seen anyway.
+fn suitable(points: &[[f64; 3]], moved: &[f64]) -> f64 {
+    let extent = |d: usize| {
+        let (low, high) = points
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| {
+                (l.min(p[d]), h.max(p[d]))
+            });
+        high - low
+    };
+    let size = (0..3).map(extent).fold(0.0, f64::max);
+    let largest = moved.iter().fold(0.0f64, |m, u| m.max(u.abs()));
+    let wanted = SHOWN * size / largest;
+    if !(wanted.is_finite() && wanted > 2.0) {
+        return 1.0;
+    }
+    let power = 10f64.powf(wanted.log10().floor());
+    let steps = [5.0, 2.0, 1.0];
+    power * steps.into_iter().find(|s| s * power <= wanted).unwrap_or(1.0)
+}
+
 /// The boundary of a plane mesh as lines of nodes, closed ones beginning and ending at the same node.
 fn outlines(mesh: &Mesh) -> Vec<Vec<usize>> {
     let facets = mesh.boundary();
@@ -473,5 +531,19 @@ impl Place {
             self.middle.0 + self.scale * (x - self.centre.0),
             self.middle.1 - self.scale * (y - self.centre.1),
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::suitable;
+
+    #[test]
+    fn magnifications_are_round_and_show_a_tenth() {
+        let points = [[0.0; 3], [2.0, 1.0, 0.0]];
+        assert_eq!(suitable(&points, &[0.0, 0.001]), 200.0);
+        assert_eq!(suitable(&points, &[0.0, -0.003]), 50.0);
+        assert_eq!(suitable(&points, &[0.15, 0.0]), 1.0);
+        assert_eq!(suitable(&points, &[0.0, 0.0]), 1.0);
     }
 }

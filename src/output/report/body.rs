@@ -7,8 +7,8 @@ use crate::contact::{
     CondensedContact, ContactError, ContactSolution, ContactState, NodeLaw, UniquenessConstants,
     critical_friction,
 };
-use crate::fem::{ContactRows, ElasticSystem, von_mises_stress};
-use crate::output::{BodyPicture, OutputError, SegmentStyle};
+use crate::fem::{ContactRows, ElasticSystem};
+use crate::output::{BodyPicture, OutputError};
 use crate::piecewise::Selection;
 
 /// Largest number of contact nodes for which constants of uniqueness are computed: O(p³) with a factor of some tens.
@@ -19,8 +19,6 @@ const MOST_BYTES: usize = 900_000;
 pub(super) const MOST_PICTURES: usize = 8;
 /// Rows of tables on the page; the tables to copy have all.
 pub(super) const MOST_ROWS: usize = 60;
-/// Size of the largest displacement in a picture, relative to the body.
-const SHOWN: f64 = 0.1;
 
 /// A contact problem, whatever its law.
 pub(super) trait Contacts {
@@ -276,18 +274,10 @@ impl<'a> Figures<'a> {
         }
         let (system, [free, supports]) = (self.system, displacements);
         let mesh = system.mesh();
-        let moved = system.displacements(free, supports)?;
-        let stress = system.stresses(free, supports)?;
-        let magnified = magnification(mesh.points(), &moved);
-        // Bodies in space stand on what they touch: they are seen from below.
-        let mut picture = BodyPicture::new(mesh)
-            .with_size(560, 400)
-            .with_view(-60.0, -20.0)
-            .with_displacements(moved, magnified)
-            .with_field("von Mises stress", stress.iter().map(von_mises_stress).collect());
-        for (i, &node) in self.rows.nodes.iter().enumerate() {
-            picture = picture.with_mark(node, SegmentStyle::contact(states[i], false));
-        }
+        let nodes = &self.rows.nodes;
+        let picture =
+            BodyPicture::of_contact(system, nodes, states, [free, supports], None)?.with_size(560, 400);
+        let magnified = picture.magnification();
         let mut svg = picture.to_svg()?;
         if svg.len() > MOST_BYTES / 4 && mesh.dim() == 2 {
             svg = picture.with_outline_alone().to_svg()?;
@@ -331,42 +321,7 @@ impl<'a> Figures<'a> {
     }
 }
 
-/// 1, 2 or 5 times a power of ten, so that displacements are seen; 1 where they are seen anyway.
-fn magnification(points: &[[f64; 3]], moved: &[f64]) -> f64 {
-    let extent = |d: usize| {
-        let (low, high) = points
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| {
-                (l.min(p[d]), h.max(p[d]))
-            });
-        high - low
-    };
-    let size = (0..3).map(extent).fold(0.0, f64::max);
-    let largest = moved.iter().fold(0.0f64, |m, u| m.max(u.abs()));
-    let wanted = SHOWN * size / largest;
-    if !(wanted.is_finite() && wanted > 2.0) {
-        return 1.0;
-    }
-    let power = 10f64.powf(wanted.log10().floor());
-    let steps = [5.0, 2.0, 1.0];
-    power * steps.into_iter().find(|s| s * power <= wanted).unwrap_or(1.0)
-}
-
 /// The body of a subject, for its areas.
 pub(super) fn areas<'a>(body: Option<ReportBody<'a>>) -> Option<&'a [f64]> {
     body.map(|(_, rows)| rows.areas.as_slice())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn magnifications_are_round_and_show_a_tenth() {
-        let points = [[0.0; 3], [2.0, 1.0, 0.0]];
-        assert_eq!(magnification(&points, &[0.0, 0.001]), 200.0);
-        assert_eq!(magnification(&points, &[0.0, -0.003]), 50.0);
-        assert_eq!(magnification(&points, &[0.15, 0.0]), 1.0);
-        assert_eq!(magnification(&points, &[0.0, 0.0]), 1.0);
-    }
 }

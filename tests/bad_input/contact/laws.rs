@@ -1,7 +1,7 @@
 use semismooth::contact::{
     Cohesive, CondensedContact, ContactBody, ContactError, FrictionCoefficient, FrictionCurve, Frictionless,
     FullContact, GivenBound, LimitedShear, LoadPath, LocalRow, LocalValues, NodeLaw, OrthotropicCoulomb,
-    PlanarCoulomb, check_law,
+    PlanarCoulomb, Worn, check_law,
 };
 use semismooth::piecewise::Facet;
 use semismooth::sparse::Matrix;
@@ -121,6 +121,9 @@ pub(super) fn laws(t: &mut Table) {
         });
         t.refuses("contact::Cohesive::new", "a tension", "tension", || {
             Cohesive::new(Frictionless::plane(), vec![bad])
+        });
+        t.refuses("contact::Worn::new", "a rate", "wear", || {
+            Worn::new(Frictionless::plane(), vec![bad])
         });
         t.refuses(
             "contact::ContactBody::with_compliance",

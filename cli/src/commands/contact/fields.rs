@@ -1,10 +1,10 @@
-//! Solutions as fields on the mesh.
+//! Solutions as fields on the mesh, and as pictures of the body.
 
 use std::path::Path;
 
 use semismooth::contact::ContactSolution;
 use semismooth::fem::von_mises_stress;
-use semismooth::output::{Field, write_vtu};
+use semismooth::output::{BodyPicture, Field, write_vtu};
 
 use super::Case;
 use super::matrices::write_nodes;
@@ -13,12 +13,11 @@ use crate::commands::error::CommandError;
 impl<P> Case<'_, P> {
     /// Displacements, stresses, and at contact nodes states, pressures, tractions (force per area) and slips; elsewhere the state is −1 and
     /// the others are 0. Without a mesh, a table of the contact nodes.
-    pub(super) fn write_fields(
+    fn write_fields(
         &self,
         path: &Path,
         solution: &ContactSolution,
-        free: &[f64],
-        supports: &[f64],
+        [free, supports]: [&[f64]; 2],
     ) -> Result<(), CommandError> {
         let Some((system, rows)) = &self.mesh else {
             return write_nodes(&path.with_extension("csv"), solution);
@@ -58,5 +57,27 @@ impl<P> Case<'_, P> {
             Field::new("von Mises stress", 1, von_mises),
         ];
         write_vtu(path, mesh, &at_nodes, &in_cells).map_err(|e| CommandError::failed("the fields", e))
+    }
+
+    /// The fields, and a picture of the deformed body with the states of its contact nodes.
+    pub(super) fn write_body(
+        &self,
+        name: &str,
+        solution: &ContactSolution,
+        displacements: [&[f64]; 2],
+        alpha: f64,
+    ) -> Result<(), CommandError> {
+        if self.fields {
+            self.write_fields(&self.file(&format!("{name}.vtu")), solution, displacements)?;
+        }
+        let Some((system, rows)) = self.mesh.as_ref().filter(|_| self.pictures) else {
+            return Ok(());
+        };
+        let picture = BodyPicture::of_contact(system, &rows.nodes, &solution.states, displacements, None)
+            .map_err(|e| CommandError::failed("the picture", e))?;
+        let title = format!("α = {alpha}, displacements × {}", picture.magnification());
+        let picture = picture.with_title(title);
+        self.arguments
+            .draw(&self.folder, name, |path| picture.write(path))
     }
 }

@@ -140,13 +140,10 @@ fn write<L: NodeLaw>(case: &Case<'_, CondensedContact<L>>, branch: &Branch) -> R
     let drawn = BranchDiagram::new(panel("sum of normal forces", &normal))
         .with_panel(panel("sum of tangential forces", &tangential))
         .with_size(860, 420);
-    case.arguments.draw(&case.folder, "curve", &drawn)?;
-    let Some(end) = branch.points.last().filter(|_| case.fields) else {
-        return Ok(());
-    };
-    let failed = |e| CommandError::failed("the fields", e);
-    let free = problem.displacements(&end.x).map_err(failed)?;
-    let supports = problem.support_displacements(&end.x).map_err(failed)?;
-    let solution = problem.solution(&end.x).map_err(failed)?;
-    case.write_fields(&case.file("end.vtu"), &solution, &free, &supports)
+    case.arguments
+        .draw(&case.folder, "curve", |path| drawn.write(path))?;
+    match branch.points.last() {
+        Some(end) => case.write_solution("end", &end.x),
+        None => Ok(()),
+    }
 }

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use semismooth::contact::{
-    Arrival, CondensedContact, ContactSolution, EvolutionOptions, EvolutionStep, NodeLaw, evolve_observed,
+    Arrival, CondensedContact, EvolutionOptions, EvolutionStep, NodeLaw, evolve_observed,
 };
 use semismooth::output::{BranchDiagram, write_pvd};
 
@@ -60,17 +60,14 @@ pub(super) fn run<L: NodeLaw>(
             x = step.x;
         }
     }
+    let drawn = BranchDiagram::of_history(&forces);
     case.arguments
-        .draw(&case.folder, "history", &BranchDiagram::of_history(&forces))?;
+        .draw(&case.folder, "history", |path| drawn.write(path))?;
     if case.fields && case.mesh.is_some() {
         write_pvd(case.file("history.pvd"), &series).map_err(|e| CommandError::failed("the fields", e))?;
     }
     if !json && !quiet {
-        let fields = match (case.fields, &case.mesh) {
-            (true, Some(_)) => ", history.pvd",
-            (true, None) => ", level_*.csv",
-            _ => "",
-        };
+        let fields = case.series_written();
         let pictures = case.arguments.pictures("history").join(", ");
         writeln!(
             out,
@@ -86,32 +83,48 @@ pub(super) fn run<L: NodeLaw>(
 }
 
 impl<L: NodeLaw> Case<'_, CondensedContact<L>> {
-    /// Writes the fields of a level. Files are numbered, since a history may visit the same level twice.
-    fn write_level(&self, x: &[f64], series: &mut Vec<(f64, PathBuf)>) -> Result<(), CommandError> {
-        if !self.fields {
-            return Ok(());
-        }
+    fn write_level(&self, x: &[f64], series: &mut Series) -> Result<(), CommandError> {
+        self.write_solution(&level_name(series), x)?;
+        add_level(series);
+        Ok(())
+    }
+
+    /// Writes the fields and the picture of a solution.
+    pub(super) fn write_solution(&self, name: &str, x: &[f64]) -> Result<(), CommandError> {
         let failed = |e| CommandError::failed("the fields", e);
         let free = self.problem.displacements(x).map_err(failed)?;
         let supports = self.problem.support_displacements(x).map_err(failed)?;
         let solution = self.problem.solution(x).map_err(failed)?;
-        self.write_numbered(series, &solution, &free, &supports)
+        self.write_body(name, &solution, [&free, &supports], x[x.len() - 1])
     }
 }
 
+/// Fields of the levels of a history, in turn.
+pub(super) type Series = Vec<(f64, PathBuf)>;
+
+/// Levels are numbered, since a history may visit the same one twice.
+pub(super) fn level_name(series: &Series) -> String {
+    format!("level_{:04}", series.len())
+}
+
+pub(super) fn add_level(series: &mut Series) {
+    let name = level_name(series);
+    series.push((series.len() as f64, format!("{name}.vtu").into()));
+}
+
 impl<P> Case<'_, P> {
-    /// Writes the next fields of a series.
-    pub(super) fn write_numbered(
-        &self,
-        series: &mut Vec<(f64, PathBuf)>,
-        solution: &ContactSolution,
-        free: &[f64],
-        supports: &[f64],
-    ) -> Result<(), CommandError> {
-        let name = format!("level_{:04}.vtu", series.len());
-        self.write_fields(&self.file(&name), solution, free, supports)?;
-        series.push((series.len() as f64, name.into()));
-        Ok(())
+    /// What is written for each level, in words.
+    pub(super) fn series_written(&self) -> String {
+        let fields = match (self.fields, &self.mesh) {
+            (true, Some(_)) => ", history.pvd",
+            (true, None) => ", level_*.csv",
+            _ => "",
+        };
+        let pictures = match (self.pictures, &self.mesh) {
+            (true, Some(_)) => self.arguments.pictures("level_*"),
+            _ => Vec::new(),
+        };
+        pictures.iter().fold(fields.to_owned(), |all, p| all + ", " + p)
     }
 }
 

@@ -199,6 +199,7 @@ pub(super) enum Route {
 pub(super) struct OutputInput {
     pub folder: String,
     pub fields: bool,
+    pub pictures: bool,
 }
 
 impl Default for OutputInput {
@@ -206,6 +207,7 @@ impl Default for OutputInput {
         Self {
             folder: "out".to_owned(),
             fields: true,
+            pictures: true,
         }
     }
 }

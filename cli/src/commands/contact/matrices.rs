@@ -37,6 +37,7 @@ pub(super) fn run(
         mesh: None,
         folder: file.results(arguments.out.as_ref(), &output.folder)?,
         fields: output.fields,
+        pictures: output.pictures,
         arguments,
     };
     match plan {

@@ -33,6 +33,7 @@ struct Case<'a, P> {
     mesh: Option<(&'a ElasticSystem, ContactRows)>,
     folder: PathBuf,
     fields: bool,
+    pictures: bool,
     arguments: &'a RunArgs,
 }
 
@@ -135,6 +136,7 @@ impl Run<'_> {
             mesh: Some((&self.system, rows)),
             folder: self.file.results(self.arguments.out.as_ref(), &output.folder)?,
             fields: output.fields,
+            pictures: output.pictures,
             arguments: self.arguments,
         })
     }

@@ -2,13 +2,12 @@
 
 use std::io::Write;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
 
 use semismooth::contact::{NodeLaw, ReducedContact, ReducedLevel};
 use semismooth::output::{BranchDiagram, write_pvd};
 
 use super::Case;
-use super::history::COLUMNS;
+use super::history::{COLUMNS, Series, add_level, level_name};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::{create, write_failed};
@@ -62,15 +61,16 @@ pub(super) fn run<L: NodeLaw>(
     let at = levels.get(done.count).copied().unwrap_or(f64::NAN);
     reached.map_err(|e| CommandError::failed(format!("the level α = {at}"), e))?;
     if !done.forces.is_empty() {
+        let drawn = BranchDiagram::of_history(&done.forces);
         case.arguments
-            .draw(&case.folder, "history", &BranchDiagram::of_history(&done.forces))?;
+            .draw(&case.folder, "history", |path| drawn.write(path))?;
     }
     if case.fields {
         let failed = |e| CommandError::failed("the fields", e);
         write_pvd(case.file("history.pvd"), &done.series).map_err(failed)?;
     }
     if shown {
-        let fields = if case.fields { ", history.pvd" } else { "" };
+        let fields = case.series_written();
         let pictures = case.arguments.pictures("history").join(", ");
         writeln!(
             out,
@@ -94,7 +94,7 @@ struct Done {
     count: usize,
     /// The elastic energy at the last level.
     stored: f64,
-    series: Vec<(f64, PathBuf)>,
+    series: Series,
     /// Levels and resultants of the contact forces.
     forces: Vec<(f64, [f64; 3])>,
 }
@@ -109,9 +109,9 @@ impl Case<'_, ()> {
         out: &mut dyn Write,
     ) -> Result<(), CommandError> {
         let (s, alpha) = (&level.solution, level.level);
-        if self.fields {
-            self.write_numbered(&mut done.series, s, &level.report.displacements, &level.supports)?;
-        }
+        let displacements = [&level.report.displacements[..], &level.supports];
+        self.write_body(&level_name(&done.series), s, displacements, alpha)?;
+        add_level(&mut done.series);
         let (open, stick, slip) = (s.open(), s.stick(), s.slip());
         let [normal, first, second] = s.resultant();
         done.forces.push((alpha, s.resultant()));

@@ -160,5 +160,6 @@ pub(super) fn picture(
         count += 1;
     }
     let drawn = drawn.with_size(430 * count, 420);
-    case.arguments.draw(&case.folder, name, &drawn)
+    case.arguments
+        .draw(&case.folder, name, |path| drawn.write(path))
 }
