@@ -2,6 +2,7 @@
 
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::{PyFloat, PyString};
 use semismooth::fem::{self, ContactRows, Degree, MultiplierSpace, Partition};
 
 use crate::arrays::vector;
@@ -113,6 +114,7 @@ impl Foundation {
 ///     Facets further apart do not face each other.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Mortar {
+    pub(crate) made: Made,
     pub(crate) facets: String,
     gap: Option<Scalar>,
     tangent: Option<Direction>,
@@ -121,16 +123,23 @@ pub(crate) struct Mortar {
 
 #[pymethods]
 impl Mortar {
+    fn __repr__(&self) -> String {
+        format!("<Mortar against {:?}>", self.facets)
+    }
+
     #[new]
     #[pyo3(signature = (facets, *, gap=None, tangent=None, reach=None))]
     fn new(
-        facets: String,
+        facets: &Bound<'_, PyString>,
         gap: Option<&Bound<'_, PyAny>>,
         tangent: Option<&Bound<'_, PyAny>>,
         reach: Option<f64>,
     ) -> PyResult<Self> {
+        let far = reach.map(|r| PyFloat::new(facets.py(), r).into_any());
+        let options = [("gap", gap), ("tangent", tangent), ("reach", far.as_ref())];
         Ok(Self {
-            facets,
+            made: Made::by(facets.py(), "new", &[facets.as_any()], &options)?,
+            facets: facets.to_string(),
             gap: gap.map(|g| Scalar::of(g, "gap")).transpose()?,
             tangent: tangent.map(|t| Direction::of(t, "tangent")).transpose()?,
             reach,

@@ -1,14 +1,18 @@
 //! Meshes.
 
+use std::collections::BTreeSet;
+
 use numpy::{AllowTypeChange, PyArray2, PyArrayLike1, PyArrayLike2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use semismooth::fem::{self, BoundaryFacet, CellKind};
+use semismooth::output::{BodyPicture, Colour, SegmentStyle};
 
 use crate::arrays::{counted, indices, rows, truncated};
 use crate::errors::raised;
 use crate::saving::{data, data_of, state_of};
+use crate::solution::shown;
 
 const KINDS: [(CellKind, &str, &str); 14] = [
     (CellKind::Triangle, "triangle", "triangle"),
@@ -349,6 +353,39 @@ impl Mesh {
     fn simplices(&self, py: Python<'_>) -> PyResult<Self> {
         let mesh = py.detach(|| self.mesh.simplices()).map_err(raised)?;
         Ok(Self { mesh })
+    }
+
+    /// A picture of the mesh, in space seen from the ``view``, azimuth and elevation in degrees, with the nodes of ``groups`` of facets or
+    /// nodes marked, each in a colour of its own. The picture is an SVG text, shown by notebooks.
+    ///
+    /// >>> import semismooth as ss
+    /// >>> picture = ss.Mesh.rectangle([0, 0], [2, 1], [8, 4]).plot(groups=["bottom", "top"])
+    /// >>> picture.save("mesh.svg")  # doctest: +SKIP
+    #[pyo3(signature = (*, groups=Vec::new(), view=None))]
+    fn plot<'py>(
+        &self,
+        py: Python<'py>,
+        groups: Vec<String>,
+        view: Option<(f64, f64)>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        const COLOURS: [Colour; 4] = [Colour::BLUE, Colour::RED, Colour::GREEN, Colour::GREY];
+        let mut picture = BodyPicture::new(&self.mesh);
+        if let Some((azimuth, elevation)) = view {
+            picture = picture.with_view(azimuth, elevation);
+        }
+        for (name, colour) in groups.iter().zip(COLOURS.iter().cycle()) {
+            let nodes: BTreeSet<usize> = match self.mesh.facet_group(name) {
+                Ok(facets) => facets.iter().flatten().copied().collect(),
+                Err(e) => match self.mesh.node_group(name) {
+                    Ok(nodes) => nodes.iter().copied().collect(),
+                    Err(_) => return Err(raised(e)),
+                },
+            };
+            for node in nodes {
+                picture = picture.with_mark(node, SegmentStyle::new(name.clone(), *colour));
+            }
+        }
+        shown(py, &picture)
     }
 
     fn __repr__(&self) -> String {

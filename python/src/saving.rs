@@ -14,7 +14,7 @@ use crate::contact::ContactProblem;
 use crate::continuation::Branch;
 use crate::diagram::{Diagram, Edge, Vertex};
 use crate::events::{BranchPoint, Crossing, Fold, Transition};
-use crate::foundation::Foundation;
+use crate::foundation::{Foundation, Mortar};
 use crate::friction::FrictionResult;
 use crate::laws::{Bonded, Cohesion, Friction, GivenBound, LimitedShear, Wear};
 use crate::lists::{Continuum, Solution, SolutionSet};
@@ -181,6 +181,7 @@ made!(
     Load,
     Body,
     Foundation,
+    Mortar,
     Friction,
     GivenBound,
     LimitedShear,
@@ -280,6 +281,7 @@ own!(
     Load,
     Body,
     Foundation,
+    Mortar,
     Friction,
     GivenBound,
     LimitedShear,

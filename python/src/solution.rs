@@ -10,8 +10,8 @@ use semismooth::contact::{
     self, Arrival, EvolutionOptions, EvolutionProgress, LocalValues, ReducedLevel, ReducedOptions,
 };
 use semismooth::continuation::ContinuationOptions;
-use semismooth::fem::{ElasticSystem, von_mises_stress};
-use semismooth::output::{BodyPicture, SegmentStyle};
+use semismooth::fem::ElasticSystem;
+use semismooth::output::BodyPicture;
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sensitivity::{Sensitivity, SensitivityError};
 
@@ -387,23 +387,32 @@ impl ContactSolution {
             .call_method1("cell_data", (slf,))
     }
 
-    /// A picture of the deformed body, as text of an SVG file: displacements times ``magnification``, cells in the colour of their stress of
-    /// von Mises, contact nodes in that of their state. Bodies in space are seen from below, where they touch the ground.
-    #[pyo3(signature = (*, magnification=1.0))]
-    fn to_svg(&self, py: Python<'_>, magnification: f64) -> PyResult<String> {
+    /// A picture of the deformed body: displacements times ``magnification`` (so that they are seen, unless given), cells in the colour of
+    /// their stress of von Mises, contact nodes in that of their state. Bodies in space are seen from below, where they touch the ground,
+    /// unless another ``view`` is given: azimuth and elevation in degrees. The picture is an SVG text, shown by notebooks.
+    #[pyo3(signature = (*, magnification=None, view=None))]
+    fn plot<'py>(
+        &self,
+        py: Python<'py>,
+        magnification: Option<f64>,
+        view: Option<(f64, f64)>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let (body, _) = self.system(py, "pictures")?;
         let system = &body.get().system;
         let nodes = &self.problem.get().origin.rows("pictures")?.nodes;
-        let moved = self.all_displacements(system)?;
-        let stresses = system.stresses(&self.free, &self.supports).map_err(raised)?;
-        let mut picture = BodyPicture::new(system.mesh())
-            .with_displacements(moved, magnification)
-            .with_view(-60.0, -20.0)
-            .with_field("von Mises stress", stresses.iter().map(von_mises_stress).collect());
-        for (&node, &state) in nodes.iter().zip(&self.solution.states) {
-            picture = picture.with_mark(node, SegmentStyle::contact(state, false));
+        let (states, displacements) = (&self.solution.states, [&self.free[..], &self.supports]);
+        let mut picture = BodyPicture::of_contact(system, nodes, states, displacements, magnification)
+            .map_err(raised)?;
+        if let Some((azimuth, elevation)) = view {
+            picture = picture.with_view(azimuth, elevation);
         }
-        picture.to_svg().map_err(raised)
+        shown(py, &picture)
+    }
+
+    /// :meth:`plot` with displacements to scale unless a ``magnification`` is given.
+    #[pyo3(signature = (*, magnification=1.0))]
+    fn to_svg<'py>(&self, py: Python<'py>, magnification: f64) -> PyResult<Bound<'py, PyAny>> {
+        self.plot(py, Some(magnification), None)
     }
 
     /// The mesh of the body with all fields, as a mesh of meshio: ``solution.to_meshio().write("solution.vtu")``.
@@ -421,6 +430,12 @@ impl ContactSolution {
             number(self.parameter(), &self.x)
         )
     }
+}
+
+/// A picture as a text that notebooks show.
+pub(crate) fn shown<'py>(py: Python<'py>, picture: &BodyPicture<'_>) -> PyResult<Bound<'py, PyAny>> {
+    let svg = picture.to_svg().map_err(raised)?;
+    py.import("semismooth._views")?.call_method1("Picture", (svg,))
 }
 
 /// A level of a history of loading.

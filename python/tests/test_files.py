@@ -1,6 +1,7 @@
 """Meshes and problems in formats of others: meshio's and fclib's."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -153,6 +154,43 @@ def test_pictures_show_the_deformed_body_and_the_states():
     # Cells, and the outline before.
     assert svg.startswith("<svg") and svg.count("<polygon") >= solution.problem.body.mesh.num_cells
     assert svg != solution.to_svg() and ">stick<" in svg and "von Mises" in svg
+
+
+def corners(svg):
+    """The corners of the polygons of a picture, in pixels."""
+    return [np.array([p.split(",") for p in text.split(" ")], float) for text in re.findall(r'<polygon points="([^"]*)"', svg)]
+
+
+def test_meshes_draw_themselves(tmp_path):
+    mesh = ss.Mesh.rectangle([0, 0], [2, 1], [4, 2])
+    picture = mesh.plot(groups=["bottom", "left"])
+    cells = corners(picture)
+    assert len(cells) == 8 and picture._repr_svg_() == picture
+    # Each cell is a square: of the same size, in one scale.
+    sides = np.array([np.ptp(c, axis=0) for c in cells])
+    np.testing.assert_allclose(sides, sides[0, 0], atol=0.03)
+    # Five nodes below and three at the left.
+    assert picture.count("<circle") == 8 + 2 and ">bottom<" in picture and ">left<" in picture
+    picture.save(tmp_path / "mesh.svg")
+    assert (tmp_path / "mesh.svg").read_text(encoding="utf-8") == picture
+    with pytest.raises(ss.SemismoothError, match="nowhere"):
+        mesh.plot(groups=["nowhere"])
+    # Of a cube three sides are seen, or from above one.
+    cube = ss.Mesh.block([0, 0, 0], [1, 1, 1], [2, 2, 2])
+    assert len(corners(cube.plot())) == 12
+    assert len(corners(cube.plot(view=(0, 90)))) == 4
+
+
+def test_every_level_of_a_history_can_be_drawn():
+    body = ss.Body(ss.Mesh.rectangle([0, 0], [2, 1], [8, 4]), ss.Material(1.0, 0.3), supports={"top": [0.0, -0.02]})
+    problem = ss.ContactProblem(body, "bottom", ss.Foundation.plane([0, 0], [0, 1]), 0.4, rate=body.motion("top", [0.05, None]))
+    steps = ss.evolve(problem, problem.solve(0.0), [0.5, 1.0, 0.0])
+    for step in steps:
+        _, stick, slip = step.solution.counts
+        picture = step.solution.plot()
+        assert (">stick<" in picture, ">slip<" in picture) == (stick > 0, slip > 0)
+        # Displacements of up to a tenth of the body's size are to be seen.
+        assert picture == step.solution.plot(magnification=2.0 if step.level == 1.0 else 5.0)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -184,6 +184,25 @@ def test_laws_of_one_node(normal, shear, law, springs, exact):
     np.testing.assert_allclose(node(normal, shear, law, springs=springs, form="full")[2:], exact[2:], rtol=0, atol=1e-12)
 
 
+def test_wear_is_k_p_s():
+    """A node of stiffness 4 under a dead load of 6, pushed to and fro by 2 without friction."""
+    matrices = np.diag([1e-9, 4.0]), [[1.0, 0.0]], [[[0.0, 1.0]]]
+    problem = ss.ContactProblem.from_matrices(*matrices, ss.Wear(0.0, 0.1), load=[6.0, 0.0], rate=[0.0, 1.0], form="full")
+    steps = ss.evolve(problem, problem.solve(0.0), [8.0, 0.0])
+    np.testing.assert_allclose([s.history[0, -1] for s in steps], [0.1 * 6 * 2, 0.1 * 6 * 4], rtol=1e-8)
+    # On a mesh it is per area: of a block that moves as a whole under a uniform pressure.
+    mesh = ss.Mesh.rectangle([0, 0], [2, 1], [4, 2])
+    body = ss.Body(mesh, ss.Material(1.0, 0.0), supports={"top": [0.0, None]})
+    ground = ss.Foundation.plane([0, 0], [0, 1])
+    load, rate = body.traction("top", [0, -0.01]), body.motion("top", [0.3, None])
+    problem = ss.ContactProblem(body, "bottom", ground, ss.Wear(0.0, 5.0), load=load, rate=rate)
+    (step,) = ss.evolve(problem, problem.solve(0.0), [1.0])
+    np.testing.assert_allclose(step.history[:, -1], 5.0 * 0.01 * 0.3, rtol=1e-10)
+    with pytest.raises(ss.SemismoothError, match="rate of wear"):
+        ss.ContactProblem(body, "bottom", ground, ss.Wear(0.3, -1.0))
+    assert repr(ss.Wear(0.3, 2.0)) == "<Wear: coefficient 2.0>"
+
+
 @pytest.mark.parametrize("law", [0.3, ss.LimitedShear(0.3, 1e-3), ss.Cohesion(0.3, 1e-3), ss.Bonded()])
 def test_a_pressed_disc_is_the_same_in_all_forms(law):
     mesh = ss.Mesh.rectangle([0, 0], [1, 1], [12, 12])

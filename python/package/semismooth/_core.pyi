@@ -7,6 +7,8 @@ from typing_extensions import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._views import Picture
+
 __all__ = [
     "__version__",
     "_read_substructure",
@@ -61,6 +63,7 @@ __all__ = [
     "TransitionCurve",
     "Vertex",
     "ViResult",
+    "Wear",
     "all_solutions",
     "diagram",
     "evolve",
@@ -1017,6 +1020,7 @@ class Mesh:
     def with_cells(self, name: str, choose: Callable[[_Vector], _Mask]) -> Mesh: ...
     def refined(self) -> Mesh: ...
     def simplices(self) -> Mesh: ...
+    def plot(self, *, groups: Sequence[str] = (), view: tuple[float, float] | None = None) -> Picture: ...
     def second_order(self) -> Mesh: ...
     def serendipity(self) -> Mesh: ...
 
@@ -1143,7 +1147,9 @@ class _ContactOptions(TypedDict, total=False):
     max_memory: int | None
 
 _Coefficient: TypeAlias = ArrayLike | Friction
-_Law: TypeAlias = _Coefficient | tuple[_Coefficient, _Coefficient] | GivenBound | LimitedShear | Cohesion | Bonded | None
+_Law: TypeAlias = (
+    _Coefficient | tuple[_Coefficient, _Coefficient] | GivenBound | LimitedShear | Cohesion | Wear | Bonded | None
+)
 _Stiffness: TypeAlias = tuple[ArrayLike | None, ArrayLike | None]
 
 @final
@@ -1265,7 +1271,8 @@ class ContactSolution:
     def point_data(self) -> dict[str, _Vector]: ...
     @property
     def cell_data(self) -> dict[str, _Vector]: ...
-    def to_svg(self, *, magnification: float = 1.0) -> str: ...
+    def plot(self, *, magnification: float | None = None, view: tuple[float, float] | None = None) -> Picture: ...
+    def to_svg(self, *, magnification: float = 1.0) -> Picture: ...
     def to_meshio(self) -> Any: ...
 
 @final

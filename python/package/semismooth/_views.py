@@ -48,6 +48,18 @@ _MARKERS: dict[str, tuple[Any, float, str]] = {
 _Drawn = int | Callable[[Any], float]
 
 
+class Picture(str):
+    """A picture: the text of an SVG file, which notebooks show."""
+
+    def _repr_svg_(self) -> str:
+        return str(self)
+
+    def save(self, path: Any) -> None:
+        """Writes the file."""
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(self)
+
+
 def branch_table(branch: Any) -> Any:
     import pandas
 
