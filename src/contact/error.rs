@@ -5,6 +5,7 @@ use crate::InputError;
 use crate::linear::LinearError;
 use crate::newton::NewtonError;
 use crate::piecewise::{PiecewiseError, carries_maps};
+use crate::run::Status;
 use crate::sensitivity::SensitivityError;
 
 /// What can be wrong with a contact problem.
@@ -288,12 +289,22 @@ impl ContactError {
     /// Whether a search was stopped, by its observer or by the time limit.
     #[must_use]
     pub fn is_interrupted(&self) -> bool {
+        self.status().is_some_and(Status::is_early)
+    }
+
+    /// Whether the caller ended the search.
+    pub(super) fn is_stopped(&self) -> bool {
+        self.status() == Some(Status::Interrupted)
+    }
+
+    fn status(&self) -> Option<Status> {
         match self {
-            Self::NotConverged { best } => best.status.is_early(),
-            Self::NoStart { source, .. } => {
-                matches!(&**source, NewtonError::Failed(unsolved) if unsolved.status.is_early())
-            }
-            _ => false,
+            Self::NotConverged { best } => Some(best.status),
+            Self::NoStart { source, .. } => match &**source {
+                NewtonError::Failed(unsolved) => Some(unsolved.status),
+                _ => None,
+            },
+            _ => None,
         }
     }
 }

@@ -181,7 +181,7 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> HistorySensitivity<V, 
     }
 
     fn num_references(&self) -> usize {
-        self.problem.num_traces() - self.problem.num_contacts()
+        self.problem.law().own_traces() - self.problem.num_contacts()
     }
 
     /// Changes of the tangential traces.
@@ -193,18 +193,19 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> HistorySensitivity<V, 
         for ((trace, d), force) in traces.iter_mut().zip(&operator.yielding).zip(&change.forces) {
             *trace -= d * force;
         }
+        traces.truncate(p + self.num_references());
         traces.split_off(p)
     }
 
     /// The gradients in a state of a function of its tangential traces.
     fn pulled(&self, references: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (n, p) = (self.problem.num_displacements(), self.problem.num_contacts());
-        let mut traces = vec![0.0; p];
-        traces.extend(references);
+        let mut traces = vec![0.0; self.problem.num_traces()];
+        traces[p..p + references.len()].copy_from_slice(references);
         let operator = &self.problem.operator;
         let mut displacements = vec![0.0; n];
         (operator.b_t.as_ref().as_ref()).mul_add(1.0, &traces, &mut displacements);
-        let mut forces = vec![0.0; traces.len()];
+        let mut forces = vec![0.0; p + references.len()];
         for ((force, d), trace) in forces.iter_mut().zip(&operator.yielding).zip(&traces) {
             *force -= d * trace;
         }

@@ -218,9 +218,8 @@ impl ContactParameters {
         )?)
     }
 
-    /// ∂_θ(B u − gap), without α.
-    pub(super) fn traces(&self) -> Result<Matrix, ContactError> {
-        let rows = self.sizes[1] * self.sizes[2];
+    /// ∂_θ(B u − gap), without α; `rows` beyond those of the contact nodes are zero.
+    pub(super) fn traces(&self, rows: usize) -> Result<Matrix, ContactError> {
         Ok(Matrix::from_triplets(rows, self.count, &self.traces)?)
     }
 

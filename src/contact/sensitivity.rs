@@ -59,6 +59,8 @@ type Map<V> = Extended<V, PerNode<SharedLaw>>;
 #[derive(Clone)]
 pub struct ContactSensitivity<V> {
     inner: Sensitivity<Map<V>>,
+    /// Number of contact forces; unknowns behind them are motions of a body without supports.
+    forces: usize,
     alpha: f64,
     /// ∂_θ(A u + Bᵀ λ − f), α left out.
     equilibrium: Matrix,
@@ -84,8 +86,7 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
     ///
     /// # Errors
     /// Parameters of a problem of another size, or none; a second load parameter; a law with another number of history variables than that
-    /// of the problem; a condensed body without supports ([`ContactError::Unsupported`]: the full form has derivatives of it);
-    /// [`ContactError::Sensitivity`] with the errors of [`Sensitivity::new`].
+    /// of the problem; [`ContactError::Sensitivity`] with the errors of [`Sensitivity::new`].
     pub fn sensitivity(
         &self,
         x: &[f64],
@@ -99,7 +100,6 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
         ];
         parameters.check_sizes(sizes)?;
         check_vector("the solution x", x, self.num_vars())?;
-        self.check_supported()?;
         if self.num_parameters() > 1 {
             let what =
                 "the derivatives of problems with a second load parameter are those of `Sensitivity`".into();
@@ -124,10 +124,12 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
             nodes.parameters = 1 + sizes[1];
         }
         let equilibrium = parameters.equilibrium()?;
+        // The rows of balance of a body that contact alone holds depend on no parameter but by the forces.
+        let traces = parameters.traces(self.num_traces())?;
         let columns = Columns {
             traces: match self.view.reduced() {
-                None => parameters.traces()?,
-                Some(_) => condensed(self, &parameters.traces()?, &equilibrium)?,
+                None => traces,
+                Some(_) => condensed(self, &traces, &equilibrium)?,
             },
             equilibrium: equilibrium.clone(),
             law: parameters.second()?,
@@ -144,6 +146,7 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
         let inner = Sensitivity::new(map, &x[..m], &theta)?;
         Ok(ContactSensitivity {
             inner,
+            forces: self.law.own_traces(),
             alpha,
             equilibrium,
             rate: parameters
@@ -206,7 +209,7 @@ impl<V: View> ContactSensitivity<V> {
         self.inner.parameters().len()
     }
 
-    /// The solution, corrected to rounding: (u, λ) or λ.
+    /// The solution, corrected to rounding: (u, λ) or λ, of a condensed body without supports (λ, c).
     #[must_use]
     pub fn x(&self) -> &[f64] {
         self.inner.x()
@@ -248,20 +251,21 @@ impl<V: View> ContactSensitivity<V> {
         let map = self.inner.map();
         let (n, q) = (map.base().num_displacements(), map.base().num_traces());
         check_vector("the gradient in the displacements", displacements, n)?;
-        check_vector("the gradient in the forces", forces, q)?;
+        check_vector("the gradient in the forces", forces, self.forces)?;
+        let mut moved = forces.to_vec();
+        moved.resize(q, 0.0);
         if map.base().view.reduced().is_none() {
             return self.inner.vjp(&[displacements, forces].concat());
         }
-        let (adjoint, moved) = match displacements.iter().any(|w| *w != 0.0) {
+        let adjoint = match displacements.iter().any(|w| *w != 0.0) {
             true => {
                 let map = self.inner.map();
                 let mut adjoint = displacements.to_vec();
                 solve(map.base(), &vec![0.0; q], &mut adjoint)?;
-                let mut moved = forces.to_vec();
                 (map.base().operator.b_t.as_ref().as_ref()).mul_transpose_add(-1.0, &adjoint, &mut moved);
-                (Some(adjoint), moved)
+                Some(adjoint)
             }
-            false => (None, forces.to_vec()),
+            false => None,
         };
         let mut gradient = self.inner.vjp(&moved)?;
         if let Some(adjoint) = adjoint {
@@ -327,6 +331,7 @@ impl<V: View> ContactSensitivity<V> {
         };
         (self.equilibrium.as_ref()).mul_add(-1.0, &delta[first..], &mut displacements);
         solve(base, &rate, &mut displacements)?;
+        rate.truncate(self.forces);
         Ok(ContactChange {
             displacements,
             forces: rate,

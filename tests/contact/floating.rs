@@ -1,9 +1,12 @@
 //! Bodies without supports, held by contact and friction alone.
 
+use std::ops::ControlFlow;
+use std::time::Duration;
+
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactError, ContactSolution, ContactState, FrictionCoefficient,
-    Frictionless, FullContact, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, UniquenessConstants,
-    critical_friction,
+    CondensedContact, ContactBody, ContactError, ContactOptions, ContactParameters, ContactSolution,
+    ContactState, EvolutionOptions, FrictionCoefficient, Frictionless, FullContact, LoadPath, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb, UniquenessConstants, critical_friction, evolve,
 };
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh, Mortar};
@@ -86,6 +89,12 @@ fn a_block_on_a_table_is_held_by_friction() {
     }
     is_unbalanced(problem.solve(0.55, None));
     is_unbalanced(problem.solve(-0.55, None));
+    // So it is where there is no time for a search.
+    let hurried = ContactOptions::default().with_max_time(Some(Duration::ZERO));
+    let found = problem.solve_observed(0.55, None, &hurried, |_| ControlFlow::Continue(()));
+    is_unbalanced(found.map(|report| report.x));
+    let found = problem.solve_observed(0.45, None, &hurried, |_| ControlFlow::Continue(()));
+    assert!(found.is_err_and(|e| e.is_interrupted()));
     // With much friction it tips over before it slips: at α = 2.
     let problem = on_table(mesh(), [WEIGHT, 0.0, 0.0], PlanarCoulomb::new(coefficient(5.0)));
     assert!(problem.solve(1.5, None).is_ok());
@@ -495,6 +504,106 @@ fn determinant_sign(jac: &Matrix, n: usize) -> i32 {
         }
     }
     sign
+}
+
+/// Derivatives of a body that friction alone holds, by the full form and by the system bordered by its motions: in α, in loads, in the
+/// gap and in the coefficient of friction; those of histories through the slips of levels before, too.
+#[test]
+fn derivatives_of_floating_bodies_are_those_of_the_full_form() {
+    let (system, rows) = block_on_table();
+    let weight = system.body_force(|_| [0.0, -WEIGHT, 0.0]).unwrap();
+    let pull = system.body_force(|_| [WEIGHT, 0.0, 0.0]).unwrap();
+    let load = LoadPath::affine(weight, pull);
+    let body = || semismooth::contact_body(&system, &rows, load.clone()).unwrap();
+    let law = PlanarCoulomb::new(coefficient(0.4));
+    let mut condensed = CondensedContact::new(body(), law.clone()).unwrap();
+    let mut full = FullContact::new(body(), law).unwrap();
+    let (n, p) = (system.num_free(), rows.nodes.len());
+    let dense = |rows: usize, values: &dyn Fn(usize) -> f64| {
+        let entries: Vec<_> = (0..rows).map(|i| (i, 0, values(i))).collect();
+        Matrix::from_triplets(rows, 1, &entries).unwrap()
+    };
+    let (loads, ones) = (dense(n, &|i| WEIGHT * (1.7 * i as f64).sin()), dense(p, &|_| 1.0));
+    let gaps = dense(p, &|i| 0.01 * (i as f64).cos());
+    let parameters = |empty: ContactParameters| {
+        let law = PlanarCoulomb::new(coefficient(0.4).with_second(vec![1.0; p]).unwrap());
+        let made = empty.with_alpha().with_loads(&loads).unwrap();
+        made.with_gaps(&gaps).unwrap().with_law(law, &ones).unwrap()
+    };
+    let close = |a: &[f64], b: &[f64]| {
+        let size = a.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        assert!(size > 0.0 && a.len() == b.len());
+        assert!(
+            a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9 * size),
+            "{a:?} {b:?}"
+        );
+    };
+    let (x, y) = (
+        full.solve(0.35, None).unwrap(),
+        condensed.solve(0.35, None).unwrap(),
+    );
+    let states = condensed.solution(&y).unwrap().states;
+    assert!(
+        states.iter().any(|s| s.is_slip()) && states.contains(&ContactState::Stick),
+        "{states:?}"
+    );
+    let mut of_full = full.sensitivity(&x, &parameters(full.parameters())).unwrap();
+    let mut of_condensed = condensed
+        .sensitivity(&y, &parameters(condensed.parameters()))
+        .unwrap();
+    for j in 0..4 {
+        let mut delta = [0.0; 4];
+        delta[j] = 1.0;
+        let (a, b) = (of_full.jvp(&delta).unwrap(), of_condensed.jvp(&delta).unwrap());
+        close(&a.displacements, &b.displacements);
+        close(&a.forces, &b.forces);
+    }
+    let of_u: Vec<f64> = (0..n).map(|i| (0.3 * i as f64).cos()).collect();
+    let of_forces: Vec<f64> = (0..2 * p).map(|i| (0.9 * i as f64).sin()).collect();
+    close(
+        &of_full.vjp(&of_u, &of_forces).unwrap(),
+        &of_condensed.vjp(&of_u, &of_forces).unwrap(),
+    );
+    let levels = [0.2, 0.35, 0.1];
+    let options = EvolutionOptions::default();
+    let go = |_: &_| ControlFlow::Continue(());
+    let (x, y) = (
+        full.solve(0.0, None).unwrap(),
+        condensed.solve(0.0, None).unwrap(),
+    );
+    let (fresh_full, fresh_condensed) = (full.clone(), condensed.clone());
+    let (mut xs, mut ys) = (vec![x.clone()], vec![y.clone()]);
+    xs.extend(
+        evolve(&mut full, &x, &levels, &options, go)
+            .unwrap()
+            .into_iter()
+            .map(|s| s.x),
+    );
+    ys.extend(
+        evolve(&mut condensed, &y, &levels, &options, go)
+            .unwrap()
+            .into_iter()
+            .map(|s| s.x),
+    );
+    let of_levels = |empty: ContactParameters| vec![parameters(empty); 4];
+    let a = fresh_full
+        .history_sensitivity(&xs, &of_levels(full.parameters()))
+        .unwrap();
+    let b = fresh_condensed
+        .history_sensitivity(&ys, &of_levels(condensed.parameters()))
+        .unwrap();
+    let delta = [0.1, 0.5, 0.2, 0.3];
+    for (a, b) in a.jvp(&delta).unwrap().iter().zip(b.jvp(&delta).unwrap()) {
+        close(&a.displacements, &b.displacements);
+        close(&a.forces, &b.forces);
+    }
+    assert_eq!(a.differentiable().unwrap(), b.differentiable().unwrap());
+    if a.differentiable().unwrap() == Some(true) {
+        close(
+            &a.vjp(&of_u, &of_forces).unwrap(),
+            &b.vjp(&of_u, &of_forces).unwrap(),
+        );
+    }
 }
 
 /// A body that contact does not see cannot be held; bounds that need a definite compliance are refused.

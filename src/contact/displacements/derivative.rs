@@ -214,7 +214,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             lists: Lists::default(),
             columns: [
                 parameters.equilibrium()?,
-                parameters.traces()?,
+                parameters.traces(self.body.dim() * self.components.len())?,
                 parameters.second()?,
             ],
             rate,

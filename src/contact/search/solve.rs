@@ -173,15 +173,17 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         };
         let found = strategy::solve(&own, alpha, start, options, quick, &mut descend, observe);
         match found {
-            Err(e @ ContactError::NoStart { .. }) if floats && !e.is_interrupted() => {
+            // A body that is supported without contact is always in balance.
+            Err(e @ ContactError::NoStart { .. })
+                if (floats || own.view.reduced().is_none()) && !e.is_stopped() =>
+            {
                 match own.unbalanced(alpha) {
                     Some(reason) => Err(reason),
-                    None => own.solve_released(alpha, start, options, observe),
+                    None if floats && !e.is_interrupted() => {
+                        own.solve_released(alpha, start, options, observe)
+                    }
+                    None => Err(e),
                 }
-            }
-            // A body that is supported without contact is always in balance.
-            Err(e @ ContactError::NoStart { .. }) if own.view.reduced().is_none() && !e.is_interrupted() => {
-                Err(own.unbalanced(alpha).unwrap_or(e))
             }
             found => found,
         }
