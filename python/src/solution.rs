@@ -401,8 +401,8 @@ impl ContactSolution {
         let system = &body.get().system;
         let nodes = &self.problem.get().origin.rows("pictures")?.nodes;
         let (states, displacements) = (&self.solution.states, [&self.free[..], &self.supports]);
-        let mut picture = BodyPicture::of_contact(system, nodes, states, displacements, magnification)
-            .map_err(raised)?;
+        let mut picture =
+            BodyPicture::of_contact(system, nodes, states, displacements, magnification).map_err(raised)?;
         if let Some((azimuth, elevation)) = view {
             picture = picture.with_view(azimuth, elevation);
         }

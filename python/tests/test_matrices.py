@@ -192,7 +192,7 @@ def test_wear_is_k_p_s():
     np.testing.assert_allclose([s.history[0, -1] for s in steps], [0.1 * 6 * 2, 0.1 * 6 * 4], rtol=1e-8)
     # On a mesh it is per area: of a block that moves as a whole under a uniform pressure.
     mesh = ss.Mesh.rectangle([0, 0], [2, 1], [4, 2])
-    body = ss.Body(mesh, ss.Material(1.0, 0.0), supports={"top": [0.0, None]})
+    body = ss.Body(mesh, ss.Material(1.0, 0.0), supports={"top": [0.0, None]}, floating=True)
     ground = ss.Foundation.plane([0, 0], [0, 1])
     load, rate = body.traction("top", [0, -0.01]), body.motion("top", [0.3, None])
     problem = ss.ContactProblem(body, "bottom", ground, ss.Wear(0.0, 5.0), load=load, rate=rate)

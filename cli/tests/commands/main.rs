@@ -125,6 +125,18 @@ fn a_history_is_that_of_the_library() {
     let series = std::fs::read_to_string(folder.join("out/history.pvd")).unwrap();
     assert_eq!(series.matches("level_").count(), 9);
     assert!(folder.join("out/level_0008.vtu").exists());
+    // Each level has a picture with the states of its nodes.
+    assert!(text.contains("history.pvd, level_*.svg"), "{text}");
+    for (k, step) in steps.iter().enumerate() {
+        let picture = folder.join(format!("out/level_{:04}.svg", k + 1));
+        let picture = std::fs::read_to_string(picture).unwrap();
+        let (stick, slip) = (step.solution.stick() > 0, step.solution.slip() > 0);
+        assert_eq!(
+            (picture.contains(">stick<"), picture.contains(">slip<")),
+            (stick, slip)
+        );
+        assert!(picture.contains(&format!("α = {}, displacements × ", step.level)));
+    }
     // Objects with the same numbers.
     let text = printed(&folder, &["contact", "run.toml", "--json", "--out", "elsewhere"]);
     let last: serde_json::Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
@@ -147,13 +159,14 @@ fn friction_may_fall_with_the_slip_that_has_gone_before() {
             &[
                 ("friction = 0.4\n", friction),
                 ("# fields = true ", "fields = false "),
+                ("# pictures = true ", "pictures = false "),
             ],
         );
         printed(&folder, &["contact", "run.toml"]);
         let rows = table(&folder.join("out/history.csv"));
         forces.push(rows[4][7].parse::<f64>().unwrap());
     }
-    assert!(!folder.join("out/history.pvd").exists());
+    assert!(!folder.join("out/history.pvd").exists() && !folder.join("out/level_0000.svg").exists());
     // At the level α = 1 the friction force lies between those of the initial and of the final coefficient.
     assert!(forces[0] > forces[1] && forces[1] > forces[2], "{forces:?}");
 }
@@ -179,7 +192,7 @@ fn a_curve_lists_every_change_of_state() {
     assert!(text.contains(&format!(
         "{changes} changes of state; the curve ends: bound of the parameter"
     )));
-    for file in ["curve.csv", "curve.svg", "end.vtu"] {
+    for file in ["curve.csv", "curve.svg", "end.vtu", "end.svg"] {
         assert!(folder.join("out").join(file).exists(), "{file}");
     }
 }

@@ -160,6 +160,5 @@ pub(super) fn picture(
         count += 1;
     }
     let drawn = drawn.with_size(430 * count, 420);
-    case.arguments
-        .draw(&case.folder, name, |path| drawn.write(path))
+    case.arguments.draw(&case.folder, name, |path| drawn.write(path))
 }
