@@ -232,7 +232,7 @@ pub(crate) fn multipliers(given: Option<&Bound<'_, PyAny>>, degree: &str) -> PyR
         let partition = if let Ok(count) = given.extract::<usize>() {
             Some(Partition::Merged(count))
         } else if let Ok((mesh, facets)) = given.extract::<(PyRef<'_, Mesh>, String)>() {
-            let mesh = mesh.mesh.clone();
+            let mesh = Box::new(mesh.mesh.clone());
             Some(Partition::Coarse { mesh, facets })
         } else {
             given.extract::<Vec<String>>().ok().map(Partition::Groups)

@@ -22,7 +22,7 @@ pub enum Partition {
     /// The facets of a group of another mesh, which must lie on the boundary, along its normals; its elements may cut facets of the body.
     Coarse {
         /// The mesh.
-        mesh: Mesh,
+        mesh: Box<Mesh>,
         /// The group.
         facets: String,
     },
@@ -191,7 +191,8 @@ impl Elements<'_> {
                 });
                 let measure: f64 = met[first..].iter().map(|m| m.1.weight).sum();
                 covered += measure;
-                // Edges at a distance from the facet are seen displaced by as much as both are inclined to each other; around the whole facet.
+                // Edges at a distance from the facet are seen displaced by as much as both are inclined to each
+                // other; around the whole facet.
                 let edge = if mesh.dim() == 2 { 2.0 } else { TAU * own.radius };
                 let turned = norm(cross(own.normal, other.normal)) / dot(own.normal, other.normal).abs();
                 slack += edge * height * turned;
@@ -230,13 +231,13 @@ impl Elements<'_> {
                 )?;
             }
         }
-        if self.owner.is_empty() {
-            if let Some(e) = rest.iter().position(|[missing, slack]| missing > slack) {
-                let at = middle(self.mesh, &self.corners[e]);
-                return Err(refused(format!(
-                    "its element at {at:?} reaches beyond the boundary"
-                )));
-            }
+        if self.owner.is_empty()
+            && let Some(e) = rest.iter().position(|[missing, slack]| missing > slack)
+        {
+            let at = middle(self.mesh, &self.corners[e]);
+            return Err(refused(format!(
+                "its element at {at:?} reaches beyond the boundary"
+            )));
         }
         Ok(())
     }

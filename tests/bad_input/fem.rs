@@ -504,7 +504,7 @@ fn bodies(t: &mut Table) {
         system.contact_with("bottom", &Foundation::gap(|_| 0.0), space)
     };
     let coarse = |mesh: Mesh, facets: &str| Partition::Coarse {
-        mesh,
+        mesh: Box::new(mesh),
         facets: facets.into(),
     };
     let plate = |x: [f64; 2]| Mesh::rectangle([x[0], 0.0], [x[1], 1.0], [1, 1]).unwrap();

@@ -297,7 +297,7 @@ fn held_above(mesh: Mesh) -> ElasticSystem {
 
 fn on_coarse(mesh: &Mesh, degree: Degree) -> MultiplierSpace {
     let partition = Partition::Coarse {
-        mesh: mesh.clone(),
+        mesh: Box::new(mesh.clone()),
         facets: "bottom".into(),
     };
     MultiplierSpace::Piecewise { partition, degree }
@@ -329,7 +329,7 @@ fn partitions_are_the_same_however_they_are_given() {
             };
             let first = rows(Partition::Merged(2));
             let facets = "bottom".into();
-            let mesh = coarse.clone();
+            let mesh = Box::new(coarse.clone());
             for other in [
                 rows(Partition::Groups(names.clone())),
                 rows(Partition::Coarse { mesh, facets }),
@@ -473,7 +473,7 @@ fn groups_of_any_shape_are_elements_for_constants() {
     let mut mesh = Mesh::block([0.0; 3], [3.0, 3.0, 1.0], [3, 3, 1]).unwrap();
     let facets = mesh.facet_group("bottom").unwrap().to_vec();
     // An L of five facets, and the square of four that it leaves.
-    let is_l = |k: usize| k % 3 == 0 || k < 3;
+    let is_l = |k: usize| k.is_multiple_of(3) || k < 3;
     for (name, wanted) in [("L", true), ("square", false)] {
         let own = (0..9).filter(|k| is_l(*k) == wanted).map(|k| facets[k].clone());
         mesh.add_facet_group(name, own.collect()).unwrap();

@@ -189,7 +189,7 @@ fn on_coarse(dim: usize, degree: Degree) -> MultiplierSpace {
         _ => Mesh::block_graded(&x, &y, &[0.0, 1.0]),
     };
     let partition = Partition::Coarse {
-        mesh: mesh.unwrap(),
+        mesh: Box::new(mesh.unwrap()),
         facets: "bottom".into(),
     };
     MultiplierSpace::Piecewise { partition, degree }
