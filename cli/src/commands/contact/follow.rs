@@ -143,7 +143,11 @@ fn write<L: NodeLaw>(case: &Case<'_, CondensedContact<L>>, branch: &Branch) -> R
     case.arguments
         .draw(&case.folder, "curve", |path| drawn.write(path))?;
     match branch.points.last() {
-        Some(end) => case.write_solution("end", &end.x),
+        Some(end) => {
+            let failed = |e| CommandError::failed("the fields", e);
+            let solution = problem.solution(&end.x).map_err(failed)?;
+            case.write_solution("end", &end.x, &solution)
+        }
         None => Ok(()),
     }
 }

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use semismooth::contact::{
-    Arrival, CondensedContact, EvolutionOptions, EvolutionStep, NodeLaw, evolve_observed,
+    Arrival, CondensedContact, ContactSolution, EvolutionOptions, EvolutionStep, NodeLaw, evolve_observed,
 };
 use semismooth::output::{BranchDiagram, write_pvd};
 
@@ -35,11 +35,9 @@ pub(super) fn run<L: NodeLaw>(
         )?;
     }
     let mut series = Vec::new();
-    let mut forces = vec![(
-        first,
-        case.problem.solution(&x).map_err(failed(first))?.resultant(),
-    )];
-    case.write_level(&x, &mut series)?;
+    let begin = case.problem.solution(&x).map_err(failed(first))?;
+    let mut forces = vec![(first, begin.resultant())];
+    case.write_level(&x, &begin, &mut series)?;
     let progress = Progress::new(levels.len() as u64, quiet || json)?;
     let options = EvolutionOptions::default();
     for &level in &levels[1..] {
@@ -51,7 +49,7 @@ pub(super) fn run<L: NodeLaw>(
         for step in steps {
             line(&mut table, &step).map_err(write_failed(&path))?;
             forces.push((step.level, step.solution.resultant()));
-            case.write_level(&step.x, &mut series)?;
+            case.write_level(&step.x, &step.solution, &mut series)?;
             progress.suspend(|| match (json, quiet) {
                 (true, _) => writeln!(out, "{}", record(&step)),
                 (_, true) => Ok(()),
@@ -83,19 +81,29 @@ pub(super) fn run<L: NodeLaw>(
 }
 
 impl<L: NodeLaw> Case<'_, CondensedContact<L>> {
-    fn write_level(&self, x: &[f64], series: &mut Series) -> Result<(), CommandError> {
-        self.write_solution(&level_name(series), x)?;
+    fn write_level(
+        &self,
+        x: &[f64],
+        solution: &ContactSolution,
+        series: &mut Series,
+    ) -> Result<(), CommandError> {
+        self.write_solution(&level_name(series), x, solution)?;
         add_level(series);
         Ok(())
     }
 
-    /// Writes the fields and the picture of a solution.
-    pub(super) fn write_solution(&self, name: &str, x: &[f64]) -> Result<(), CommandError> {
+    /// Writes the fields and the picture of a solution, whose states and slips are given: at the end of a level
+    /// the problem measures slips from there.
+    pub(super) fn write_solution(
+        &self,
+        name: &str,
+        x: &[f64],
+        solution: &ContactSolution,
+    ) -> Result<(), CommandError> {
         let failed = |e| CommandError::failed("the fields", e);
         let free = self.problem.displacements(x).map_err(failed)?;
         let supports = self.problem.support_displacements(x).map_err(failed)?;
-        let solution = self.problem.solution(x).map_err(failed)?;
-        self.write_body(name, &solution, [&free, &supports], x[x.len() - 1])
+        self.write_body(name, solution, [&free, &supports], x[x.len() - 1])
     }
 }
 
