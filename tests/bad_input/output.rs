@@ -314,6 +314,28 @@ fn pictures(t: &mut Table, branch: &Branch) {
             body().with_field("field", vec![bad]).to_svg()
         });
     }
+    let (_, system, rows) = block();
+    let states = vec![semismooth::contact::ContactState::Open; rows.nodes.len()];
+    let still = vec![0.0; system.num_free()];
+    let drawn = |states: &[_], free: &[f64], magnification| {
+        semismooth::output::BodyPicture::of_contact(&system, &rows.nodes, states, [free, &[]], magnification)?
+            .to_svg()
+    };
+    let of_contact = "output::BodyPicture::of_contact";
+    t.refuses(of_contact, "free displacements", "free displacements", || {
+        drawn(&states, &[], None)
+    });
+    t.refuses(of_contact, "states of fewer nodes", "states", || {
+        drawn(&states[1..], &still, None)
+    });
+    for bad in BAD {
+        t.refuses(of_contact, "the magnification", "magnification", || {
+            drawn(&states, &still, Some(bad))
+        });
+        t.refuses(of_contact, "a displacement", "node", || {
+            drawn(&states, &vec![bad; still.len()], None)
+        });
+    }
     t.refuses(
         "output::BodyPicture::write",
         "no folder",

@@ -9,7 +9,7 @@ use super::shape::{Anchor, Pixel, Shape};
 use super::{FRAME, SMALL, TEXT, legend, line, svg, text, write_picture};
 use crate::contact::ContactState;
 use crate::fem::{ElasticSystem, Mesh, von_mises_stress};
-use crate::input::check_options;
+use crate::input::{check_length, check_options};
 use crate::output::OutputError;
 use crate::output::diagram::{Colour, SegmentStyle};
 use crate::sparse::dot;
@@ -85,7 +85,7 @@ impl<'a> BodyPicture<'a> {
     /// the ground.
     ///
     /// # Errors
-    /// Displacements of the wrong length.
+    /// Displacements of the wrong length, and other states than one for each node.
     pub fn of_contact(
         system: &'a ElasticSystem,
         nodes: &[usize],
@@ -93,6 +93,7 @@ impl<'a> BodyPicture<'a> {
         displacements: [&[f64]; 2],
         magnification: Option<f64>,
     ) -> Result<Self, OutputError> {
+        check_length("the states of the contact nodes", states.len(), nodes.len())?;
         let [free, supports] = displacements;
         let moved = system.displacements(free, supports)?;
         let stress = system.stresses(free, supports)?;
