@@ -203,6 +203,20 @@ impl ContactParameters {
         self.law.as_ref()
     }
 
+    /// Whether the law with parameters remembers as much as the problem's own.
+    pub(super) fn check_law(&self, own: &dyn NodeLaw) -> Result<(), ContactError> {
+        let expected = own.num_history();
+        match self.law.as_ref().map(|law| law.num_history()) {
+            Some(found) if found != expected => Err(ContactError::Law {
+                what: "history variables",
+                found,
+                least: expected,
+                most: expected,
+            }),
+            _ => Ok(()),
+        }
+    }
+
     /// Numbers, α counted, of the parameters whose columns hold at one solution only.
     pub(super) fn at_solution(&self) -> Vec<usize> {
         let first = usize::from(self.alpha);

@@ -109,15 +109,7 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
             Some(law) => Arc::clone(law),
             None => Arc::new(self.node_law().clone()),
         };
-        let (found, expected) = (law.num_history(), self.node_law().num_history());
-        if found != expected {
-            return Err(ContactError::Law {
-                what: "history variables",
-                found,
-                least: expected,
-                most: expected,
-            });
-        }
+        parameters.check_law(self.node_law())?;
         let mut nodes = self.law.under(law);
         nodes.history.clone_from(&self.law.history);
         if parameters.shared_law().is_some() {

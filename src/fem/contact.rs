@@ -75,8 +75,16 @@ impl Foundation {
 }
 
 impl Foundation {
-    pub(super) fn gap_at(&self, x: [f64; 3]) -> f64 {
-        (self.gap)(x)
+    pub(super) fn gap_at(&self, at: [f64; 3]) -> Result<f64, FemError> {
+        let value = (self.gap)(at);
+        match value.is_finite() {
+            true => Ok(value),
+            false => Err(FemError::NotFinite {
+                what: "the gap",
+                at,
+                value,
+            }),
+        }
     }
 
     pub(super) fn normal_at(&self, x: [f64; 3]) -> Option<[f64; 3]> {
@@ -348,14 +356,7 @@ impl ElasticSystem {
                 }
             };
             let nu = unit(node, dim, nu, "its normal is zero or not finite")?;
-            let gap = foundation.gap_at(at);
-            if !gap.is_finite() {
-                return Err(FemError::NotFinite {
-                    what: "the gap",
-                    at,
-                    value: gap,
-                });
-            }
+            let gap = foundation.gap_at(at)?;
             outward |= dot(nu, normal[node]) >= 0.0;
             let frame = frame(node, dim, nu, foundation.tangent_at(at))?;
             if self.along(node, nu) == Along::Held {

@@ -184,14 +184,11 @@ impl ElasticSystem {
             let mut failure = None;
             integrate(mesh, facet, |at, shape, measure| {
                 let measure = measure * self.round(at);
-                let (psi, gap) = (extended(&side.hats(shape), &active), foundation.gap_at(at));
-                if !gap.is_finite() {
-                    failure = Some(FemError::NotFinite {
-                        what: "the gap",
-                        at,
-                        value: gap,
-                    });
-                }
+                let psi = extended(&side.hats(shape), &active);
+                let gap = foundation.gap_at(at).unwrap_or_else(|e| {
+                    failure = Some(e);
+                    f64::NAN
+                });
                 for (&k, psi) in active.iter().zip(psi) {
                     let multiplier = multipliers.entry(facet[k]).or_default();
                     multiplier.area += measure * psi;

@@ -226,14 +226,7 @@ impl ElasticSystem {
         psi: f64,
     ) -> Result<(), FemError> {
         let (node, dim, at) = (facet[0], self.mesh().dim(), place.at);
-        let gap = foundation.gap_at(at);
-        if !gap.is_finite() {
-            return Err(FemError::NotFinite {
-                what: "the gap",
-                at,
-                value: gap,
-            });
-        }
+        let gap = foundation.gap_at(at)?;
         let nu = foundation.normal_at(at).unwrap_or(place.normal);
         let nu = unit(node, dim, nu, "its normal is zero or not finite")?;
         let [first, second] = frame(node, dim, nu, foundation.tangent_at(at))?;

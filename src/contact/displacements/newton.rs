@@ -2,9 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use super::node::Node;
+use super::node::{ChangedRows, Node};
 use super::solve::{Outcome, ReducedError, ReducedNodes, ReducedObserver, Stop};
-use super::system::{ReducedStep, ReducedSystem};
+use super::system::ReducedSystem;
 use super::{ReducedIteration, ReducedOptions, ReducedProgress, ReducedReport, ReducedTimes};
 use crate::clock::{Clock, Deadline};
 use crate::contact::law::NodeLaw;
@@ -93,14 +93,6 @@ impl Best {
     }
 }
 
-#[derive(Debug, Default)]
-struct Lists {
-    constrained: Vec<usize>,
-    added: Vec<(usize, usize, f64)>,
-    beside: Vec<(usize, usize, f64)>,
-    combined: Vec<(usize, usize, f64)>,
-}
-
 pub(super) struct ReducedSearch<'a, S> {
     system: &'a mut S,
     nodes: &'a ReducedNodes<'a>,
@@ -124,7 +116,7 @@ pub(super) struct ReducedSearch<'a, S> {
     local: Vec<Node>,
     /// The pieces of the nodes at the iterate before.
     pieces: Vec<usize>,
-    lists: Lists,
+    changed: ChangedRows,
 }
 
 impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
@@ -158,7 +150,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
             direction: vec![0.0; len],
             local: Vec::with_capacity(nodes.components.len()),
             pieces: vec![usize::MAX; nodes.components.len()],
-            lists: Lists::default(),
+            changed: ChangedRows::default(),
         }
     }
 
@@ -488,14 +480,7 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
     fn step(&mut self, u: &mut [f64], forcing: f64) -> Outcome<KrylovReport, S::Error> {
         let clock = Clock::start();
         self.linearise(u);
-        let lists = &self.lists;
-        let step = ReducedStep {
-            constrained: &lists.constrained,
-            added: &lists.added,
-            beside: &lists.beside,
-            combined: &lists.combined,
-        };
-        self.system.select(&step).map_err(Stop::System)?;
+        self.system.select(&self.changed.step()).map_err(Stop::System)?;
         self.times.select += clock.elapsed();
         // Prescribed changes are already in u: the remaining equations are evaluated at this u.
         self.system.mul(u, &mut self.other).map_err(Stop::System)?;
@@ -536,33 +521,14 @@ impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
 
     /// The matrix of the step; prescribed changes are added to u.
     fn linearise(&mut self, u: &mut [f64]) {
-        let lists = &mut self.lists;
-        lists.constrained.clear();
-        lists.added.clear();
-        lists.beside.clear();
-        lists.combined.clear();
+        self.changed.clear();
         for (node, &at) in self.local.iter().zip(self.nodes.components) {
-            let free = |d: usize| node.prescribed[d].is_none();
-            let definite = node.definite();
-            for d in 0..=self.law.num_tangents() {
-                if let Some(change) = node.prescribed[d] {
+            for (d, change) in node.prescribed.iter().enumerate() {
+                if let Some(change) = change {
                     u[at + d] += change;
-                    lists.constrained.push(at + d);
-                    continue;
-                }
-                for e in (0..=self.law.num_tangents()).filter(|&e| free(e)) {
-                    if definite[d][e] != 0.0 {
-                        lists.added.push((at + d, at + e, definite[d][e]));
-                    }
-                    let rest = node.stiffness[d][e] - definite[d][e];
-                    if rest != 0.0 {
-                        lists.beside.push((at + d, at + e, rest));
-                    }
-                }
-                if node.coupling[d] != 0.0 {
-                    lists.combined.push((at + d, at, -node.coupling[d]));
                 }
             }
+            self.changed.add(node, at, self.law.num_tangents());
         }
     }
 

@@ -1,5 +1,6 @@
 //! The linearised law at one node, solved for the forces or for the displacements.
 
+use super::system::ReducedStep;
 use crate::contact::ContactState;
 use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
 use crate::contact::solution::piece_of;
@@ -18,6 +19,57 @@ pub(super) struct Node {
     pub(super) stiffness: [[f64; 3]; 3],
     pub(super) constant: [f64; 3],
     pub(super) coupling: [f64; 3],
+}
+
+/// The rows that the laws of contact nodes change in the system of a step.
+#[derive(Debug, Default)]
+pub(super) struct ChangedRows {
+    constrained: Vec<usize>,
+    added: Vec<(usize, usize, f64)>,
+    beside: Vec<(usize, usize, f64)>,
+    combined: Vec<(usize, usize, f64)>,
+}
+
+impl ChangedRows {
+    pub(super) fn clear(&mut self) {
+        self.constrained.clear();
+        self.added.clear();
+        self.beside.clear();
+        self.combined.clear();
+    }
+
+    /// Adds those of a node, whose displacement begins at component `at`.
+    pub(super) fn add(&mut self, node: &Node, at: usize, tangents: usize) {
+        let free = |d: usize| node.prescribed[d].is_none();
+        let definite = node.definite();
+        for d in 0..=tangents {
+            if !free(d) {
+                self.constrained.push(at + d);
+                continue;
+            }
+            for e in (0..=tangents).filter(|&e| free(e)) {
+                if definite[d][e] != 0.0 {
+                    self.added.push((at + d, at + e, definite[d][e]));
+                }
+                let rest = node.stiffness[d][e] - definite[d][e];
+                if rest != 0.0 {
+                    self.beside.push((at + d, at + e, rest));
+                }
+            }
+            if node.coupling[d] != 0.0 {
+                self.combined.push((at + d, at, -node.coupling[d]));
+            }
+        }
+    }
+
+    pub(super) fn step(&self) -> ReducedStep<'_> {
+        ReducedStep {
+            constrained: &self.constrained,
+            added: &self.added,
+            beside: &self.beside,
+            combined: &self.combined,
+        }
+    }
 }
 
 impl Node {

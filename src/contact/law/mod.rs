@@ -22,6 +22,7 @@ pub use frictionless::Frictionless;
 pub use given_bound::GivenBound;
 pub use limited_shear::LimitedShear;
 pub use multiplier::MultiplierCoulomb;
+pub(in crate::contact) use node_law::of_inner_law;
 pub use node_law::{LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw, check_law};
 pub use orthotropic::OrthotropicCoulomb;
 pub use planar::PlanarCoulomb;

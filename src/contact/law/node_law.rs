@@ -439,9 +439,10 @@ pointed_to! {
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
 }
 
-/// Methods of a law made of another one, `law`, at values that it changes, those of `inner`.
+/// Methods of a law made of another one, `law`, at values that it changes, those of `inner`: those on pieces and residuals alone, or all that
+/// do not depend on how it changes them.
 macro_rules! of_inner_law {
-    () => {
+    (pieces) => {
         fn num_tangents(&self) -> usize {
             self.law.num_tangents()
         }
@@ -470,20 +471,23 @@ macro_rules! of_inner_law {
             self.law.tests(&self.inner(v), out);
         }
 
-        fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
-            self.law.test_rows(&self.inner(v), rows);
-        }
-
         fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
             self.law.residual(piece, &self.inner(v))
         }
 
-        fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
-            self.law.rows(piece, &self.inner(v))
-        }
-
         fn is_affine(&self) -> bool {
             self.law.is_affine()
+        }
+    };
+    () => {
+        of_inner_law!(pieces);
+
+        fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
+            self.law.test_rows(&self.inner(v), rows);
+        }
+
+        fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
+            self.law.rows(piece, &self.inner(v))
         }
 
         fn friction(&self, v: &LocalValues) -> [f64; 2] {
@@ -504,7 +508,7 @@ macro_rules! of_inner_law {
     };
 }
 
-pub(super) use of_inner_law;
+pub(in crate::contact) use of_inner_law;
 
 pub(super) const CLOSED: Facet = Facet::positive(0);
 pub(super) const OPEN: Facet = Facet::negative(0);

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use super::tries::{Observer, newton_step};
-use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
+use crate::contact::law::{LocalRow, LocalValues, NodeLaw, of_inner_law};
 use crate::contact::{Contact, ContactError, ContactOptions, ContactProgress, ContactState, ContactStrategy};
 use crate::continuation::{ContinuationOptions, pursue};
 use crate::interface::View;
@@ -65,51 +65,17 @@ impl<L: NodeLaw> Lowered<L> {
 }
 
 impl<L: NodeLaw> NodeLaw for Lowered<L> {
-    fn num_tangents(&self) -> usize {
-        self.law.num_tangents()
-    }
-
-    fn num_pieces(&self) -> usize {
-        self.law.num_pieces()
-    }
-
-    fn num_tests(&self) -> usize {
-        self.law.num_tests()
-    }
-
-    fn cell(&self, piece: usize) -> &'static [Facet] {
-        self.law.cell(piece)
-    }
-
-    fn piece_name(&self, piece: usize) -> &'static str {
-        self.law.piece_name(piece)
-    }
-
-    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
-        self.law.state(piece, &self.inner(v))
-    }
-
-    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
-        self.law.tests(&self.inner(v), out);
-    }
+    of_inner_law!(pieces);
 
     fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
         self.law.test_rows(&self.inner(v), rows);
         rows.iter_mut().for_each(|row| self.lower(v, row));
     }
 
-    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
-        self.law.residual(piece, &self.inner(v))
-    }
-
     fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
         let mut rows = self.law.rows(piece, &self.inner(v));
         rows.iter_mut().for_each(|row| self.lower(v, row));
         rows
-    }
-
-    fn is_affine(&self) -> bool {
-        self.law.is_affine()
     }
 
     fn num_history(&self) -> usize {

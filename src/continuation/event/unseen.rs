@@ -8,7 +8,7 @@ use crate::continuation::error::if_solved;
 use crate::continuation::point::coincidence::Rounding;
 use crate::piecewise::Vanishing;
 use crate::sparse::norm;
-use crate::tolerances::TANGENTIAL;
+use crate::tolerances::{HALF_DIGITS, TANGENTIAL};
 
 /// Share of the step over which differences are taken.
 pub(super) const DIFFERENCE: f64 = 1.0 / 1024.0;
@@ -136,7 +136,9 @@ impl Curve<'_> {
         let Monitor::Facet { index, .. } = monitor else {
             return Ok(None);
         };
-        if floor > 0.0 {
+        // What is not small beside the values at both ends is not their rounding.
+        let most = HALF_DIGITS * self.here.theta[index].abs().max(self.next.theta[index].abs());
+        if floor > 0.0 || sample.value.abs() > most {
             return Ok(None);
         }
         let v = Vanishing::new(
@@ -223,7 +225,7 @@ impl Curve<'_> {
         let last = self.here.x.len() - 1;
         // A fold beyond which the step goes on is located first.
         let turned = self.next.heading != Some(heading) && self.next.t[last].abs() > TANGENTIAL;
-        // Up to the point of an arm that was found with it α goes the way that the arm goes.
+        // Between a vertex and the known point of the arm that is followed α̇ has the sign that was found with the arm.
         let known = !self.here.probe.is_empty();
         if heading == 0 || turned || !regular || known {
             return Ok(());
@@ -258,7 +260,8 @@ impl Curve<'_> {
         let step = self.next.s.max(f64::MIN_POSITIVE);
         let reach = self.setup.options.vanishing_distance * (1.0 + norm(&self.here.x));
         let stretch = self.stretch();
-        // Up to the point of an arm that was found with it, the facets met at its vertex are on the side that the arm is on.
+        // Between a vertex and the known point of the arm that is followed, the search for arms has decided on which side of the facets met at
+        // the vertex the arm lies; their values next to it are rounding.
         let met = match self.here.probe.is_empty() {
             true => Vec::new(),
             false => self.vanishing_here(&[]),

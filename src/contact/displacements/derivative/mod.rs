@@ -5,7 +5,7 @@ mod solves;
 use std::fmt;
 
 use super::kink::{RateMap, RateNode};
-use super::node::Node;
+use super::node::{ChangedRows, Node};
 use super::system::{ReducedSystem, SerialSystem};
 use super::{NodeLaw, ReducedContact, ReducedNodes};
 use crate::contact::law::{LocalRow, LocalValues};
@@ -41,7 +41,7 @@ pub struct ReducedSensitivity<'a> {
     system: &'a mut SerialSystem,
     components: &'a [usize],
     nodes: Vec<Local>,
-    lists: Lists,
+    changed: ChangedRows,
     /// ∂_θ(A u + Bᵀ λ − f), ∂_θ(B u − gap) and ∂_θβ; the load's rate, where α is a parameter.
     columns: [Matrix; 3],
     rate: Option<Vec<f64>>,
@@ -88,14 +88,6 @@ struct Local {
     unit: [[[f64; 3]; 2]; 3],
     /// Derivatives of the residuals in the values of the node.
     rows: [LocalRow; 3],
-}
-
-#[derive(Default)]
-struct Lists {
-    constrained: Vec<usize>,
-    added: Vec<(usize, usize, f64)>,
-    beside: Vec<(usize, usize, f64)>,
-    combined: Vec<(usize, usize, f64)>,
 }
 
 impl Local {
@@ -171,15 +163,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             Some(law) => law.as_ref(),
             None => &self.law,
         };
-        let (found, expected) = (law.num_history(), self.law.num_history());
-        if found != expected {
-            return Err(ContactError::Law {
-                what: "history variables",
-                found,
-                least: expected,
-                most: expected,
-            });
-        }
+        parameters.check_law(&self.law)?;
         let nodes = ReducedNodes {
             components: &self.components,
             first: 0,
@@ -212,7 +196,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             system: &mut self.system,
             components: &self.components,
             nodes: locals,
-            lists: Lists::default(),
+            changed: ChangedRows::default(),
             columns: [
                 parameters.equilibrium()?,
                 parameters.traces(self.body.dim() * self.components.len())?,

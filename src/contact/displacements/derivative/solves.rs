@@ -1,8 +1,8 @@
 //! Solves with the linearised system at a solution and with its transpose, and how far the solution is from a kink.
 
-use super::{ALLOWANCE, Lists, ReducedSensitivity, TOLERANCE};
+use super::{ALLOWANCE, ReducedSensitivity, TOLERANCE};
 use crate::contact::NodeLaw;
-use crate::contact::displacements::system::{ReducedStep, ReducedSystem};
+use crate::contact::displacements::system::ReducedSystem;
 use crate::contact::law::{LocalRow, LocalValues, MAX_TESTS};
 use crate::linear::{KrylovReport, LinearError};
 use crate::sensitivity::SensitivityError;
@@ -12,35 +12,11 @@ use crate::tolerances::{MOVED, ROUNDING};
 impl ReducedSensitivity<'_> {
     /// Passes the rows that the laws change to the system, as a Newton step does.
     pub(super) fn select(&mut self, tangents: usize) -> Result<(), LinearError> {
-        self.lists = Lists::default();
-        let lists = &mut self.lists;
+        self.changed.clear();
         for (local, &at) in self.nodes.iter().zip(self.components) {
-            let (node, definite) = (&local.node, local.node.definite());
-            for d in 0..=tangents {
-                if local.is_held(d) {
-                    lists.constrained.push(at + d);
-                    continue;
-                }
-                for e in (0..=tangents).filter(|&e| !local.is_held(e)) {
-                    if definite[d][e] != 0.0 {
-                        lists.added.push((at + d, at + e, definite[d][e]));
-                    }
-                    let rest = node.stiffness[d][e] - definite[d][e];
-                    if rest != 0.0 {
-                        lists.beside.push((at + d, at + e, rest));
-                    }
-                }
-                if node.coupling[d] != 0.0 {
-                    lists.combined.push((at + d, at, -node.coupling[d]));
-                }
-            }
+            self.changed.add(&local.node, at, tangents);
         }
-        self.system.select(&ReducedStep {
-            constrained: &lists.constrained,
-            added: &lists.added,
-            beside: &lists.beside,
-            combined: &lists.combined,
-        })
+        self.system.select(&self.changed.step())
     }
 
     /// The rates of the displacements and of f − A u, of which those of the contact nodes are forces, from rates e of A u + Bᵀ λ − f and h
@@ -115,7 +91,7 @@ impl ReducedSensitivity<'_> {
         }
         let mut all = y.clone();
         all.iter_mut().zip(&omega).for_each(|(y, w)| *y += w);
-        for &(i, j, c) in &self.lists.combined {
+        for &(i, j, c) in self.changed.step().combined {
             all[j] += c * y[i];
         }
         let mut image = vec![0.0; y.len()];
