@@ -379,3 +379,26 @@ fn facets_met_at_branch_points_are_located_to_rounding() {
         assert_eq!(met.kind, TransitionKind::Branching, "h_max {h}");
     }
 }
+
+/// y = 3/2 α² above α² and y = α²/2 below it touch one another, and the kink y = α², at 0. Each curve goes on with its own piece.
+#[test]
+fn curves_that_touch_a_kink_and_another_curve_go_on() {
+    let map = || {
+        semismooth::piecewise::Traced::new(semismooth::piecewise::Formula::new(2, |x| {
+            let square = x[1].clone() * x[1].clone();
+            vec![x[0].clone() - 1.5 * square.clone() - 2.0 * (x[0].clone() - square).min(0.0)]
+        }))
+    };
+    for height in [1.5, 0.5] {
+        let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+        let branch = Branch::follow(&map(), &[height, -1.0], Direction::Increasing, options).unwrap();
+        let end = &branch.points.last().unwrap().x;
+        assert!(
+            (end[0] - height).abs() < 1e-9 && end[1] == 1.0,
+            "{height}: {end:?}"
+        );
+        let kinds: Vec<_> = branch.transitions.iter().map(|t| t.kind).collect();
+        assert_eq!(kinds, [TransitionKind::Branching], "{height}");
+        assert_eq!(branch.transitions[0].arms.len(), 3);
+    }
+}

@@ -78,10 +78,10 @@ impl Curve<'_> {
             // No estimate ahead is available.
             h = (FIRST * h).max(self.setup.options.min_step);
         }
-        // Next to a degenerate point rounding does not tell arms apart: the first step ends where it does.
+        // Next to a singular point rounding does not tell arms apart: the first step ends where it does.
         if !self.here.probe.is_empty() {
             let ahead = self.here.progress_to(&self.here.probe);
-            if ahead > 0.0 && ahead <= limit {
+            if leaves_singular && ahead > 0.0 && ahead <= limit {
                 h = ahead;
             } else {
                 self.here.probe.clear();
@@ -109,7 +109,7 @@ impl Curve<'_> {
                     Ok(first) => {
                         self.pace.h = if rejected > 0 || corrections > EASY {
                             h
-                        } else if leaves_singular || !self.here.probe.is_empty() {
+                        } else if leaves_singular {
                             longest.max(h)
                         } else {
                             (h * self.setup.options.growth).min(self.setup.options.max_step)
