@@ -5,6 +5,7 @@ use super::locate::Find;
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
+use crate::continuation::point::multiple_point;
 use crate::piecewise::{PiecewiseSmoothExt, Selection, Vanishing};
 use crate::sparse::{distance, dot, norm};
 
@@ -21,9 +22,35 @@ pub(super) const LOCATED: f64 = 1e-12;
 const NEARLY: f64 = 1e-5;
 
 impl Curve<'_> {
-    /// The solution next to `guess` of the extended system of a branch point of the followed selection, where that is regular.
+    /// The singular point of the followed selection next to `guess`, where its equations are regular.
     fn singular_near(&self, guess: &[f64]) -> Result<Option<Singular>, ContinuationError> {
-        Ok(BranchSystem::new(&self.map, &self.path.selection, &self.here.x, guess).solve(guess)?)
+        self.singular_point(&self.path.selection, guess)
+    }
+
+    /// The solution of the extended system of a branch point, else of a point where the kernel has one more dimension.
+    fn singular_point(
+        &self,
+        selection: &Selection,
+        guess: &[f64],
+    ) -> Result<Option<Singular>, ContinuationError> {
+        let simple = BranchSystem::new(&self.map, selection, &self.here.x, guess).solve(guess)?;
+        if simple.is_some() || self.map.is_piecewise_affine() {
+            return Ok(simple);
+        }
+        let multiple = multiple_point(&self.map, &self.setup.layout, selection, guess)?;
+        Ok(multiple.map(|x| Singular { x, on_curve: true }))
+    }
+
+    /// Moves `next` to a singular point towards which the curve leads, where steps do not arrive at one.
+    pub(in crate::continuation) fn leads_to_singular_point(&mut self) -> Result<bool, ContinuationError> {
+        if self.here.decline.is_none() {
+            return Ok(false);
+        }
+        let Some(found) = self.singular_near(&self.here.x)? else {
+            return Ok(false);
+        };
+        let size = LOCATED * (1.0 + norm(&found.x));
+        Ok(self.here.progress_to(&found.x) > size && self.arrive_at(&found)?.is_ok())
     }
 
     /// Whether ∇H^(σ) of a selection is singular at a point within rounding of `here`, as far as rounding moves points located by
@@ -38,7 +65,7 @@ impl Curve<'_> {
         }
         let guess = self.here.x.clone();
         let reach = NEARLY * (1.0 + norm(&guess));
-        let found = BranchSystem::new(&self.map, selection, &self.here.x, &guess).solve(&guess)?;
+        let found = self.singular_point(selection, &guess)?;
         let Some(Singular { x, .. }) = found.filter(|s| s.on_curve && distance(&s.x, &guess) <= reach) else {
             return Ok(false);
         };

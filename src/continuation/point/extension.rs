@@ -187,6 +187,16 @@ impl<'a> Extension<'a> {
         self.error / least + self.noise.get()
     }
 
+    /// Whether the part of H outside the range of its Jacobian is 0 within rounding, which its values beside the point tell.
+    pub(super) fn vanishes(&self) -> bool {
+        let part = |base: usize, u: &[f64]| dot(u, &self.along(base, &[], 0).residual[0]);
+        self.cokernel().iter().all(|u| {
+            let here = part(0, u);
+            let apart = (1..self.num_bases()).map(|b| (part(b, u) - here).abs());
+            here.abs() <= self.error + SAFETY * apart.fold(0.0, f64::max)
+        })
+    }
+
     /// Dimension of the kernel.
     pub(super) fn dimension(&self) -> usize {
         self.units.len() - self.rank

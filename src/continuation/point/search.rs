@@ -51,7 +51,7 @@ impl Arms {
 /// Arms at a simple crossing of two curves.
 const CROSSING: usize = 4;
 /// Number of residuals up to which the extensions of selections are examined by dense decompositions.
-const DENSE: usize = 60;
+pub(super) const DENSE: usize = 60;
 
 /// How a pruned search for arms ended.
 #[derive(PartialEq)]

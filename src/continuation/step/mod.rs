@@ -93,6 +93,9 @@ impl Curve<'_> {
                 if let Some(event) = self.event_at_branch_point(longest)? {
                     return self.arrive(Some(event), 0);
                 }
+                if self.leads_to_singular_point()? {
+                    return self.arrive(Some(Monitor::Singular), 0);
+                }
                 self.told.termination = Some(if crossing {
                     Termination::UnresolvedCrossing
                 } else {
