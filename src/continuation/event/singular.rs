@@ -41,9 +41,9 @@ impl Curve<'_> {
         Ok(multiple.map(|x| Singular { x, on_curve: true }))
     }
 
-    /// Moves `next` to a singular point towards which the curve leads, where steps do not arrive at one.
-    pub(in crate::continuation) fn leads_to_singular_point(&mut self) -> Result<bool, ContinuationError> {
-        if self.here.decline.is_none() {
+    /// Moves `next` to a singular point towards which the curve leads as its regularity falls.
+    fn leads_to_singular_point(&mut self) -> Result<bool, ContinuationError> {
+        if self.here.decline.is_none_or(|d| d <= 0.0) {
             return Ok(false);
         }
         let Some(found) = self.singular_near(&self.here.x)? else {
@@ -117,16 +117,18 @@ impl Curve<'_> {
         }
     }
 
-    /// A bound of the parameter that the step reaches at a branch point, within rounding, is that branch point: next to it nothing tells
-    /// on which side of it the step ends.
-    pub(in crate::continuation) fn branch_point_on_bound(&mut self) -> Result<bool, ContinuationError> {
+    /// A bound of the parameter that the step reaches at a singular point, within rounding, is that point: next to it nothing tells on which
+    /// side of it the step ends, nor the tangent.
+    pub(in crate::continuation) fn singular_point_on_bound(&mut self) -> Result<bool, ContinuationError> {
         let beyond = self.next.clone();
-        let size = LOCATED * (1.0 + norm(&beyond.x));
-        let found = self.singular_near(&beyond.x)?;
-        let Some(found) = found.filter(|f| distance(&f.x, &beyond.x) <= size) else {
+        let Some(found) = self.singular_near(&beyond.x)? else {
             return Ok(false);
         };
-        Ok(self.is_between(&found.x, &beyond) && self.arrive_at(&found)?.is_ok())
+        let size = 1.0 + norm(&beyond.x);
+        let moved = found.x.iter().zip(&beyond.x).map(|(a, b)| (a - b).abs());
+        let on_bound = moved.last().is_some_and(|alpha| alpha <= LOCATED * size);
+        let near = on_bound && distance(&found.x, &beyond.x) <= NEARLY * size;
+        Ok(near && self.is_between(&found.x, &beyond) && self.arrive_at(&found)?.is_ok())
     }
 
     /// Whether x lies near the segment from `here` to `beyond`, whose end counts; not if it is `here`, a branch point that the curve has
@@ -199,9 +201,20 @@ impl Curve<'_> {
         self.next = target;
     }
 
+    /// A facet crossed at a singular point, or a singular point without facets, to which the curve leads though no step arrives there.
+    pub(in crate::continuation) fn event_at_singular_point(
+        &mut self,
+        h: f64,
+    ) -> Result<Option<Monitor>, ContinuationError> {
+        match self.event_at_branch_point(h)? {
+            None if self.leads_to_singular_point()? => Ok(Some(Monitor::Singular)),
+            event => Ok(event),
+        }
+    }
+
     /// The next facet, if it is crossed at a branch point of the frozen selection, where the corrector fails on both sides. The
     /// point is extrapolated along the tangent and found by the extended system.
-    pub(in crate::continuation) fn event_at_branch_point(
+    fn event_at_branch_point(
         &mut self,
         h: f64,
     ) -> Result<Option<Monitor>, ContinuationError> {

@@ -44,11 +44,11 @@ pub(in crate::continuation) fn multiple_point(
         };
         let length = norm(&step);
         // Rounding ends a convergence that was quadratic.
-        if length >= 0.5 * last && known {
+        if known && (length <= f64::EPSILON || length >= 0.5 * last) {
             let on_curve = near.vanishes();
             return Ok(on_curve.then_some(x));
         }
-        if length >= last.min(1.0) {
+        if length >= last {
             return Ok(None);
         }
         last = length;

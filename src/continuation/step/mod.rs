@@ -53,13 +53,15 @@ impl Curve<'_> {
     fn event_inside(&mut self) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
         let first = self.first_event()?;
         let Ok(event) = first else { return Ok(first) };
-        if !self.passes_unseen(event) || (self.refine_declines()? && !self.passes_unseen(event)) {
-            return Ok(first);
-        }
         let on_bound = matches!(event, Some(Monitor::Parameter { last: true, .. }));
-        Ok(match on_bound && self.branch_point_on_bound()? {
-            true => Ok(Some(Monitor::Singular)),
-            false => Err(Unresolved::Crossing),
+        let singular_there = on_bound && self.next.orientation.is_none() && self.here.orientation.is_some();
+        let unseen = self.passes_unseen(event) && (!self.refine_declines()? || self.passes_unseen(event));
+        if on_bound && (singular_there || unseen) && self.singular_point_on_bound()? {
+            return Ok(Ok(Some(Monitor::Singular)));
+        }
+        Ok(match unseen {
+            true => Err(Unresolved::Crossing),
+            false => first,
         })
     }
 
@@ -90,11 +92,8 @@ impl Curve<'_> {
         let (mut rejected, mut crossing) = (0, false);
         loop {
             if h < self.setup.options.min_step {
-                if let Some(event) = self.event_at_branch_point(longest)? {
+                if let Some(event) = self.event_at_singular_point(longest)? {
                     return self.arrive(Some(event), 0);
-                }
-                if self.leads_to_singular_point()? {
-                    return self.arrive(Some(Monitor::Singular), 0);
                 }
                 self.told.termination = Some(if crossing {
                     Termination::UnresolvedCrossing
@@ -130,7 +129,7 @@ impl Curve<'_> {
                 }
             }
             if (rejected >= REJECTED || self.pace.creeping >= REJECTED)
-                && let Some(event) = self.event_at_branch_point(longest)?
+                && let Some(event) = self.event_at_singular_point(longest)?
             {
                 self.pace.creeping = 0;
                 return self.arrive(Some(event), 0);
