@@ -27,18 +27,23 @@ impl Curve<'_> {
         self.singular_point(&self.path.selection, guess)
     }
 
-    /// The solution of the extended system of a branch point, else of a point where the kernel has one more dimension.
+    /// The solution of the extended system of a branch point. Next to a point where the kernel has one more dimension that is nearly singular
+    /// and does not locate it: the equations of such a point decide.
     fn singular_point(
         &self,
         selection: &Selection,
         guess: &[f64],
     ) -> Result<Option<Singular>, ContinuationError> {
         let simple = BranchSystem::new(&self.map, selection, &self.here.x, guess).solve(guess)?;
-        if simple.is_some() || self.map.is_piecewise_affine() {
+        if self.map.is_piecewise_affine() {
             return Ok(simple);
         }
-        let multiple = multiple_point(&self.map, &self.setup.layout, selection, guess)?;
-        Ok(multiple.map(|x| Singular { x, on_curve: true }))
+        let (near, reach) = match &simple {
+            Some(simple) => (&simple.x[..], NEARLY * (1.0 + norm(guess))),
+            None => (guess, f64::INFINITY),
+        };
+        let multiple = multiple_point(&self.map, &self.setup.layout, selection, (near, reach))?;
+        Ok(multiple.map(|x| Singular { x, on_curve: true }).or(simple))
     }
 
     /// Moves `next` to a singular point towards which the curve leads as its regularity falls.

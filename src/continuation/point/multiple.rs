@@ -4,14 +4,14 @@ use super::extension::{Extension, Frame};
 use super::roots::solve3;
 use super::search::DENSE;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
-use crate::sparse::{dot, norm};
+use crate::sparse::{distance, dot, norm};
 
 /// Steps after which Newton's method, which converges quadratically, has converged or will not.
 const LIMIT: usize = 15;
 /// Dimension of the kernel: the largest whose arms are determined.
 const KERNEL: usize = 3;
 
-/// The point next to `guess` where two singular values of ∇H^(σ) vanish, if H vanishes there, too.
+/// The point within reach of `guess` where two singular values of ∇H^(σ) vanish, if H vanishes there, too.
 ///
 /// With orthonormal vectors e of the kernel, and u of that of the transpose, the entries uᵢᵀ∇H eⱼ vanish there: six equations for the three
 /// coordinates of a displacement Σ cⱼ eⱼ, which Gauss and Newton's method solves together with the rest of H for the displacement across
@@ -21,7 +21,7 @@ pub(in crate::continuation) fn multiple_point(
     map: &dyn PiecewiseSmooth,
     layout: &TestLayout,
     selection: &Selection,
-    guess: &[f64],
+    (guess, reach): (&[f64], f64),
 ) -> Result<Option<Vec<f64>>, PiecewiseError> {
     let Some(rank) = map.num_vars().checked_sub(KERNEL).filter(|_| map.num_residuals() <= DENSE) else {
         return Ok(None);
@@ -54,6 +54,9 @@ pub(in crate::continuation) fn multiple_point(
         last = length;
         let moved = x.iter().zip(step.iter().zip(&near.units));
         x = moved.map(|(x, (s, unit))| x + s * unit).collect();
+        if distance(&x, guess) > reach {
+            return Ok(None);
+        }
     }
     Ok(None)
 }
