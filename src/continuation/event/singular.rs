@@ -5,7 +5,7 @@ use super::locate::Find;
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
-use crate::continuation::point::multiple_point;
+use crate::continuation::point::{LARGEST, multiple_point};
 use crate::piecewise::{PiecewiseSmoothExt, Selection, Vanishing};
 use crate::sparse::{distance, dot, norm};
 
@@ -28,7 +28,7 @@ impl Curve<'_> {
     }
 
     /// The solution of the extended system of a branch point. Next to a point where the kernel has one more dimension that is nearly singular
-    /// and does not locate it: the equations of such a point decide.
+    /// and does not locate it: the equations of such a point decide, as they do at degenerate points, where the system does not converge.
     fn singular_point(
         &self,
         selection: &Selection,
@@ -42,7 +42,13 @@ impl Curve<'_> {
             Some(simple) => (&simple.x[..], NEARLY * (1.0 + norm(guess))),
             None => (guess, f64::INFINITY),
         };
-        let multiple = multiple_point(&self.map, &self.setup.layout, selection, (near, reach))?;
+        let find = |dimension: usize| {
+            multiple_point(&self.map, &self.setup.layout, selection, (near, reach), dimension)
+        };
+        let mut multiple = find(LARGEST)?;
+        if simple.is_none() && multiple.is_none() {
+            multiple = find(LARGEST - 1)?;
+        }
         Ok(multiple.map(|x| Singular { x, on_curve: true }).or(simple))
     }
 

@@ -26,6 +26,13 @@ pub(super) fn in_cell(
     singular: bool,
 ) -> Result<InCell, PiecewiseError> {
     let mut extension = Extension::new(frame, selection)?;
+    let located = Frame {
+        off: if singular { extension.location_error() } else { 0.0 },
+        ..*frame
+    };
+    if located.off > extension.error {
+        extension = Extension::new(&located, selection)?;
+    }
     let found = inside(&extension, layout);
     let Some(other) = extension.doubtful_rank(singular) else {
         return Ok(found);

@@ -4,6 +4,7 @@
 use std::cell::Cell;
 
 use super::arc::{Arc, Value};
+use super::multiple::LARGEST;
 use super::search::RANK;
 use super::units::{changes, own_sizes, power, row_sizes, sizes};
 use crate::linear::{Decomposition, decompose};
@@ -19,6 +20,8 @@ const SAFETY: f64 = 64.0;
 const APART: f64 = 1.0 / 1024.0;
 /// Number of points beside the given one from which everything is computed again.
 const BESIDE: usize = 2;
+/// Highest order of a root that a located point may be.
+const ROOT: f64 = 4.0;
 /// Times that sizes are found from changes of the Jacobian over the sizes before: where only a square tells the size of a variable that is 0,
 /// each time takes three of four digits by which it is off, and 4⁸ digits are more than numbers have.
 const PASSES: usize = 8;
@@ -38,6 +41,8 @@ pub(super) struct Frame<'a> {
     pub(super) met: &'a [Vanishing],
     /// Values of all test functions.
     pub(super) theta: &'a [f64],
+    /// How far x may be off, beyond rounding and `met`, in balanced units.
+    pub(super) off: f64,
 }
 
 /// The map of a selection near a point.
@@ -185,6 +190,14 @@ impl<'a> Extension<'a> {
             .checked_sub(1)
             .map_or(1.0, |k| self.svd.values[k].min(1.0));
         self.error / least + self.noise.get()
+    }
+
+    /// How far the point may be from the one where the kernel has its dimension, in balanced units: at a root of order k of the equations of
+    /// that point a step of Newton's method is 1/k of the distance.
+    pub(super) fn location_error(&self) -> f64 {
+        let determined = (2..=LARGEST).contains(&self.dimension());
+        let step = determined.then(|| self.towards_singular_point()).flatten();
+        step.map_or(0.0, |s| ROOT * norm(&s))
     }
 
     /// Whether the part of H outside the range of its Jacobian is 0 within rounding, which its values beside the point tell.
@@ -400,7 +413,7 @@ fn off(frame: &Frame<'_>, units: &[f64]) -> f64 {
         let gradient: Vec<f64> = v.gradient.iter().zip(units).map(|(g, unit)| g * unit).collect();
         frame.theta[v.index].abs() / norm(&gradient)
     });
-    each.filter(|off| off.is_finite()).fold(0.0, f64::max)
+    each.filter(|off| off.is_finite()).fold(frame.off, f64::max)
 }
 
 fn bases(x: &[f64], units: &[f64], off: f64) -> Vec<Vec<f64>> {
@@ -430,6 +443,7 @@ mod tests {
             tests: 0,
             met: &[],
             theta: &[],
+            off: 0.0,
         };
         Extension::new(&frame, &Selection::uniform(1, 0)).unwrap().units
     }

@@ -27,7 +27,7 @@ use crate::words::Count;
 pub use analyse::arms_at;
 pub(super) use classify::kind_of;
 pub(super) use first::{Wanted, one_arm};
-pub(super) use multiple::multiple_point;
+pub(super) use multiple::{LARGEST, multiple_point};
 pub(super) use proof::certainty;
 pub(super) use search::Arms;
 

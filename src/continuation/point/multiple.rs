@@ -1,4 +1,4 @@
-//! Points at which the kernel of ∇H^(σ) has three dimensions, to full accuracy.
+//! Points at which the kernel of ∇H^(σ) has two or three dimensions, degenerate ones among them.
 
 use super::extension::{Extension, Frame};
 use super::roots::solve3;
@@ -6,24 +6,27 @@ use super::search::DENSE;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
 use crate::sparse::{distance, dot, norm};
 
-/// Steps after which Newton's method, which converges quadratically, has converged or will not.
-const LIMIT: usize = 15;
-/// Dimension of the kernel: the largest whose arms are determined.
-const KERNEL: usize = 3;
+/// Steps of Newton's method, each of which takes at least a third of the distance that is left at points up to a threefold root: enough for
+/// three decimal digits to become the five to which rounding determines such a point.
+const LIMIT: usize = 40;
+/// The largest dimension of a kernel whose arms are determined.
+pub(in crate::continuation) const LARGEST: usize = 3;
 
-/// The point within reach of `guess` where two singular values of ∇H^(σ) vanish, if H vanishes there, too.
+/// The point within reach of `guess` where ∇H^(σ) has a kernel of a given dimension, 2 or 3, if H vanishes there, too.
 ///
-/// With orthonormal vectors e of the kernel, and u of that of the transpose, the entries uᵢᵀ∇H eⱼ vanish there: six equations for the three
-/// coordinates of a displacement Σ cⱼ eⱼ, which Gauss and Newton's method solves together with the rest of H for the displacement across
-/// the kernel. They are regular where the two quadratic forms uᵢᵀ∇²H determine a point, as equations that say no more than that ∇H is
-/// singular are not.
+/// With orthonormal vectors e of the kernel, and u of that of the transpose, the entries uᵢᵀ∇H eⱼ vanish there: two equations for the two
+/// coordinates of a displacement Σ cⱼ eⱼ, or six for three, which Gauss and Newton's method solves together with the rest of H for the
+/// displacement across the kernel. They are regular where the quadratic forms uᵢᵀ∇²H determine a point. Where they do not, as at a cusp,
+/// convergence is linear and ends among rounding errors.
 pub(in crate::continuation) fn multiple_point(
     map: &dyn PiecewiseSmooth,
     layout: &TestLayout,
     selection: &Selection,
     (guess, reach): (&[f64], f64),
+    dimension: usize,
 ) -> Result<Option<Vec<f64>>, PiecewiseError> {
-    let Some(rank) = map.num_vars().checked_sub(KERNEL).filter(|_| map.num_residuals() <= DENSE) else {
+    let rank = map.num_vars().checked_sub(dimension);
+    let Some(rank) = rank.filter(|_| map.num_residuals() <= DENSE) else {
         return Ok(None);
     };
     let (mut x, mut last) = (guess.to_vec(), f64::INFINITY);
@@ -35,22 +38,20 @@ pub(in crate::continuation) fn multiple_point(
             tests: layout.total(),
             met: &[],
             theta: &[],
+            off: 0.0,
         };
         let mut near = Extension::new(&frame, selection)?;
         let known = near.rank <= rank;
         near.rank = rank;
-        let Some(step) = near.towards_multiple_point() else {
+        let step = near.towards_singular_point();
+        let length = step.as_ref().map_or(0.0, |s| norm(s));
+        // Rounding ends the convergence.
+        if known && (length <= f64::EPSILON || length >= last) {
+            return Ok(near.vanishes().then_some(x));
+        }
+        let Some(step) = step.filter(|_| length < last) else {
             return Ok(None);
         };
-        let length = norm(&step);
-        // Rounding ends a convergence that was quadratic.
-        if known && (length <= f64::EPSILON || length >= 0.5 * last) {
-            let on_curve = near.vanishes();
-            return Ok(on_curve.then_some(x));
-        }
-        if length >= last {
-            return Ok(None);
-        }
         last = length;
         let moved = x.iter().zip(step.iter().zip(&near.units));
         x = moved.map(|(x, (s, unit))| x + s * unit).collect();
@@ -62,26 +63,36 @@ pub(in crate::continuation) fn multiple_point(
 }
 
 impl Extension<'_> {
-    /// The step of Gauss and Newton's method, in balanced units.
-    fn towards_multiple_point(&self) -> Option<Vec<f64>> {
+    /// The step of Gauss and Newton's method to the point where the kernel has the dimension that it is taken to have, in balanced units;
+    /// `None` where nothing tells where that is.
+    pub(super) fn towards_singular_point(&self) -> Option<Vec<f64>> {
         let basis = self.kernel();
         let of = |v: &[f64], order: usize| self.along(0, &[v], order).residual;
         let each: Vec<Vec<Vec<f64>>> = basis.iter().map(|e| of(e, 2)).collect();
         let mut step = self.solve(0, each.first()?.first()?);
-        let (mut rows, mut right) = ([[0.0; KERNEL]; KERNEL], [0.0; KERNEL]);
-        for j in 0..KERNEL {
+        // The coordinates that there are not are 0.
+        let (mut rows, mut right) = ([[0.0; LARGEST]; LARGEST], [0.0; LARGEST]);
+        (basis.len()..LARGEST).for_each(|k| rows[k][k] = 1.0);
+        for j in 0..basis.len() {
             let mixed = |k: usize| -> Vec<f64> {
                 let both: Vec<f64> = basis[j].iter().zip(&basis[k]).map(|(a, b)| a + b).collect();
                 let sum = of(&both, 2).swap_remove(2);
                 let own = each[j][2].iter().zip(&each[k][2]);
                 sum.iter().zip(own).map(|(s, (a, b))| s - a - b).collect()
             };
-            let second: [Vec<f64>; KERNEL] = [0, 1, 2].map(mixed);
+            let second: Vec<Vec<f64>> = (0..basis.len()).map(mixed).collect();
             for u in self.cokernel() {
-                let (value, slopes) = (dot(u, &each[j][1]), second.each_ref().map(|s| dot(u, s)));
+                let value = dot(u, &each[j][1]);
+                let slopes: Vec<f64> = second.iter().map(|s| dot(u, s)).collect();
+                if basis.len() < LARGEST {
+                    // As many equations as unknowns: their normal equations would lose half of the digits.
+                    rows[j][..slopes.len()].copy_from_slice(&slopes);
+                    right[j] = -value;
+                    continue;
+                }
                 for (a, row) in rows.iter_mut().enumerate() {
                     right[a] -= slopes[a] * value;
-                    row.iter_mut().zip(slopes).for_each(|(r, s)| *r += slopes[a] * s);
+                    row.iter_mut().zip(&slopes).for_each(|(r, s)| *r += slopes[a] * s);
                 }
             }
         }

@@ -321,6 +321,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             tests: self.layout.total(),
             met: self.vanishing,
             theta: self.theta,
+            off: 0.0,
         };
         let singular = self.singular.as_ref() == Some(selection);
         let found = match in_cell(&frame, self.layout, selection, singular)? {
