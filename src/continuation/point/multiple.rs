@@ -45,16 +45,25 @@ pub(in crate::continuation) fn multiple_point(
         near.rank = rank;
         let step = near.towards_singular_point();
         let length = step.as_ref().map_or(0.0, |s| norm(s));
-        // Rounding ends the convergence.
-        if known && (length <= f64::EPSILON || length >= last) {
-            return Ok(near.vanishes().then_some(x));
+        let rate = length / last;
+        let moved_by = |step: &[f64], share: f64| -> Vec<f64> {
+            let moved = x.iter().zip(step.iter().zip(&near.units));
+            moved.map(|(x, (s, unit))| x + share * s * unit).collect()
+        };
+        // Convergence is quadratic until rounding ends it, or linear, where the steps that are left are a geometric series.
+        if known && (length <= f64::EPSILON || rate >= 0.25) {
+            let end = match &step {
+                Some(step) if rate < 1.0 => moved_by(step, (1.0 - rate).recip()),
+                _ => x.clone(),
+            };
+            return Ok(near.vanishes().then_some(end));
         }
-        let Some(step) = step.filter(|_| length < last) else {
+        let Some(step) = step.filter(|_| rate < 1.0) else {
             return Ok(None);
         };
+        let next = moved_by(&step, 1.0);
+        x = next;
         last = length;
-        let moved = x.iter().zip(step.iter().zip(&near.units));
-        x = moved.map(|(x, (s, unit))| x + s * unit).collect();
         if distance(&x, guess) > reach {
             return Ok(None);
         }
