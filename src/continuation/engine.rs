@@ -37,6 +37,9 @@ pub(super) struct State {
     /// singular point is to be expected. `None` at singular points.
     #[cfg_attr(feature = "serde", serde(default))]
     pub(super) decline: Option<f64>,
+    /// The power of the distance with which the regularity grows on leaving a singular point, where that is known to be more than 1.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) order: f64,
     /// A corrected point of the arm on which the curve leaves this one, told apart from all other arms there; empty where none was needed.
     /// The first step from a singular point ends there, as one of another length may end on another arm.
     #[cfg_attr(feature = "serde", serde(default))]

@@ -5,7 +5,7 @@ use crate::continuation::error::if_solved;
 use crate::continuation::point::units::Units;
 use crate::continuation::{Arm, ContinuationError};
 use crate::piecewise::{Selection, Vanishing};
-use crate::sparse::{dot, norm};
+use crate::sparse::{distance, dot, norm};
 use crate::tolerances::SELECTIONS;
 
 /// Share of the distance to a corrected point of an arm at which signs of determinants are taken: determinants grow with the distance from a
@@ -66,6 +66,14 @@ impl Curve<'_> {
         }
         let at = if_solved(self.corrector.linearize(&self.map, &selection, probe, Some(&t)))?;
         self.here.take_signs(at.as_ref());
+        if let Some(at) = at.filter(|_| self.here.decline.is_none()) {
+            let mut there = self.here.clone();
+            there.x.copy_from_slice(probe);
+            let distance = distance(probe, &self.here.x);
+            let rows = &self.scale.rows;
+            let (rate, _) = (self.scale.regularity).decline(at, &self.map, rows, &there, distance)?;
+            self.here.order = -rate * distance;
+        }
         Ok(())
     }
 

@@ -314,6 +314,12 @@ impl Curve<'_> {
         let straight = Arm::along(self.path.selection.clone(), self.here.t.clone(), grazing, None);
         let far = |a: &Arm| distance(&a.tangent, &straight.tangent);
         let nearest = (0..arms.list.len()).min_by(|&i, &j| far(&arms.list[i]).total_cmp(&far(&arms.list[j])));
+        if arms.complete && let [arm] = arms.list.as_slice() && arm.direction == arrival.direction {
+            let arm = arm.clone();
+            let point = self.point_here(PointKind::Step, 0);
+            self.emit(Event::SmoothFold(point));
+            return self.adopt(&arm, &vanishing);
+        }
         let k = match nearest.filter(|&k| far(&arms.list[k]) < STRAIGHT) {
             Some(k) => {
                 // The followed selection is kept: it is regular, or its curve is the one that is followed.

@@ -25,6 +25,7 @@ impl Curve<'_> {
         std::mem::swap(&mut self.here, &mut self.next);
         self.here.s = 0.0;
         self.here.probe.clear();
+        self.here.order = 0.0;
         self.forget_facets_left()?;
         self.refresh_sides();
         let arrival = (!self.monitors.watches.is_empty()).then(|| self.here.t.clone());

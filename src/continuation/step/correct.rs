@@ -62,7 +62,9 @@ impl Curve<'_> {
         let flips = next.orientation != self.here.orientation;
         let (bend, regular) = (self.pace.curvature * h, self.here.decline.is_some());
         let mut noise = || tangent_noise(regular, at.rcond());
+        // The point of an arm that is told apart from all others is no other curve's.
         if !flips
+            && self.here.probe.is_empty()
             && shape.is_doubtful(bend, correction.iterations, &mut noise)
             && !self.holds_halfway(&shape)?
         {

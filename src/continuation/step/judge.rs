@@ -143,7 +143,7 @@ impl<'a> Curve<'a> {
     pub(super) fn passes_unseen(&mut self, event: Option<Monitor>) -> bool {
         if self.here.decline.is_none() && self.next.s > 0.0 {
             // The contribution of the singular point at the start of the step is known.
-            let known = 1.0 / self.next.s;
+            let known = self.here.order.max(1.0) / self.next.s;
             self.next.decline = self.next.decline.map(|d| d + known);
         }
         let ahead = self.here.decline.map_or(0.0, |d| d * self.next.s);
