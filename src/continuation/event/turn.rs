@@ -42,8 +42,9 @@ impl Curve<'_> {
                     .then(|| self.path.selection.clone());
                 let all = self.setup.every_arm || singular.is_some();
                 let (arrival, before) = (self.here.t.clone(), self.path.selection.clone());
+                let step = distance(&self.here.x, &self.next.x);
                 let mut search = self.search(&vanishing);
-                search.singular = singular;
+                (search.singular, search.within) = (singular, step);
                 let mut arms = if all {
                     search.all(&active)?
                 } else {
@@ -301,8 +302,10 @@ impl Curve<'_> {
         let forced: Vec<usize> = self.path.grazing.iter().map(|v| v.index).collect();
         let vanishing = self.vanishing_here(&forced);
         let active = self.active_here(&vanishing);
+        let step = distance(&self.here.x, &self.next.x);
         let mut search = self.search(&vanishing);
         search.singular = Some(singular.clone());
+        search.within = step;
         let mut arms = search.all(&active)?;
         let incoming = self.take_incoming(&mut arms)?;
         if let Some(incoming) = &incoming {

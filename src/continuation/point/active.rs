@@ -123,6 +123,7 @@ impl<'a> Curve<'a> {
             theta: &self.here.theta,
             vanishing,
             singular: None,
+            within: f64::INFINITY,
             unknown: false,
             deadline: self.setup.deadline(),
             decomposed: false,

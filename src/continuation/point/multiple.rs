@@ -29,7 +29,7 @@ pub(in crate::continuation) fn multiple_point(
     let Some(rank) = rank.filter(|_| map.num_residuals() <= DENSE) else {
         return Ok(None);
     };
-    let (mut x, mut last) = (guess.to_vec(), f64::INFINITY);
+    let (mut x, mut last, mut units) = (guess.to_vec(), f64::INFINITY, None);
     for _ in 0..LIMIT {
         let frame = Frame {
             map,
@@ -44,7 +44,12 @@ pub(in crate::continuation) fn multiple_point(
         let known = near.rank <= rank;
         near.rank = rank;
         let step = near.towards_singular_point();
-        let length = step.as_ref().map_or(0.0, |s| norm(s));
+        // In the same units throughout, as those of variables in which H is homogeneous change on the way.
+        let sizes = units.get_or_insert_with(|| near.units.clone());
+        let length = step.as_ref().map_or(0.0, |step| {
+            let scaled = step.iter().zip(&near.units).zip(&*sizes);
+            norm(&scaled.map(|((s, unit), size)| s * unit / size).collect::<Vec<_>>())
+        });
         let rate = length / last;
         let moved_by = |step: &[f64], share: f64| -> Vec<f64> {
             let moved = x.iter().zip(step.iter().zip(&near.units));

@@ -81,6 +81,8 @@ pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     pub(in crate::continuation) vanishing: &'a [Vanishing],
     /// A selection known to be singular at (or within rounding of) x, where the computed kernel vector is arbitrary.
     pub(in crate::continuation) singular: Option<Selection>,
+    /// Distance up to which the curve that arrived is known: points on the arms are to be no farther, if that tells them apart.
+    pub(in crate::continuation) within: f64,
     pub(in crate::continuation) deadline: Deadline<'a>,
     /// Whether any selection may be singular at x, as at a start.
     pub(in crate::continuation) unknown: bool,

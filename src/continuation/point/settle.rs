@@ -6,6 +6,7 @@ use super::search::{ArmSearch, Arms};
 use super::units::Units;
 use super::{Found, PointDoubt};
 use crate::continuation::error::{if_converged, if_solved};
+use crate::continuation::step::judge::ARMS;
 use crate::linear::LinearSolver;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, PiecewiseSmoothExt, Scaled, Selection, Vanishing};
 use crate::sparse::{distance, dot, norm};
@@ -71,7 +72,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         if !plain {
             let mut settled = false;
             let measure = Measure::of(&kept, self.x.len());
-            for radius in RADII {
+            let unit = kept.iter_mut().map(|f| self.unit(f)).fold(0.0, f64::max);
+            // Tangents tell which arm a curve arrived on, unless arms touch each other.
+            let within = if touch(&kept, &measure) { self.within } else { f64::INFINITY };
+            let far = RADII.partition_point(|radius| radius * unit > within);
+            for radius in RADII[far..].iter().chain(&RADII[..far]).copied() {
                 if let Some(probes) = self.probes(&mut kept, &measure, radius)?
                     && let Some(gone) = repeated(&kept, &probes, &measure)
                 {
@@ -246,6 +251,15 @@ impl Found {
     fn is_simple(&self) -> bool {
         self.arm.direction != 0 && self.arc.as_ref().is_none_or(|arc| arc.half.is_none())
     }
+}
+
+/// Whether two arms have the same tangent, as far as tangents at singular points are known.
+fn touch(found: &[Found], measure: &Measure) -> bool {
+    let same = |(i, a): (usize, &Found)| {
+        let cosine = |b: &Found| measure.cosine(&a.arm.tangent, &b.arm.tangent);
+        found[..i].iter().any(|b| 1.0 - cosine(b) <= ARMS * ARMS)
+    };
+    found.iter().enumerate().any(same)
 }
 
 /// A corrected point, and how far off it may be in the sizes of the variables.

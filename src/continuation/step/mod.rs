@@ -128,7 +128,7 @@ impl Curve<'_> {
                     Err(unresolved) => crossing = unresolved == Unresolved::Crossing,
                 }
             }
-            if (rejected >= REJECTED || self.pace.creeping >= REJECTED)
+            if ((crossing && rejected == 0) || rejected >= REJECTED || self.pace.creeping >= REJECTED)
                 && let Some(event) = self.event_at_singular_point(longest)?
             {
                 self.pace.creeping = 0;
