@@ -14,6 +14,8 @@ pub(in crate::continuation) struct Singular {
     pub(in crate::continuation) x: Vec<f64>,
     /// Whether H vanishes to rounding. Else x is a singular point of H = −β e_k, next to which two curves of H = 0 pass each other.
     pub(in crate::continuation) on_curve: bool,
+    /// Whether it is a simple branch point.
+    pub(in crate::continuation) simple: bool,
 }
 
 /// Orthonormal bases of the kernels of ∇H and ∇Hᵀ.
@@ -138,6 +140,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         let rounding = ROUNDING * self.terms(length) + 4.0 * self.noise(&x);
         Ok(Some(Singular {
             on_curve: beta.abs() <= rounding,
+            simple: true,
             x,
         }))
     }

@@ -49,15 +49,21 @@ impl Curve<'_> {
         if simple.is_none() && multiple.is_none() {
             multiple = find(LARGEST - 1)?;
         }
-        Ok(multiple.map(|x| Singular { x, on_curve: true }).or(simple))
+        let degenerate = |x| Singular {
+            x,
+            on_curve: true,
+            simple: false,
+        };
+        Ok(multiple.map(degenerate).or(simple))
     }
 
-    /// Moves `next` to a singular point towards which the curve leads as its regularity falls.
+    /// Moves `next` to a degenerate singular point towards which the curve leads as its regularity falls: next to it the corrector gains no
+    /// digits. Simple branch points lie between points of the curve.
     fn leads_to_singular_point(&mut self) -> Result<bool, ContinuationError> {
         if self.here.decline.is_none_or(|d| d <= 0.0) {
             return Ok(false);
         }
-        let Some(found) = self.singular_near(&self.here.x)? else {
+        let Some(found) = self.singular_near(&self.here.x)?.filter(|f| !f.simple) else {
             return Ok(false);
         };
         let size = LOCATED * (1.0 + norm(&found.x));
@@ -315,6 +321,7 @@ mod tests {
             let found = Singular {
                 x: x.to_vec(),
                 on_curve,
+                simple: true,
             };
             let arrived = curve.arrive_at(&found).unwrap().is_ok();
             assert!(!arrived || (curve.next.x == x && curve.next.orientation.is_none()));
