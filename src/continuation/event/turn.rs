@@ -2,6 +2,7 @@
 
 use crate::continuation::engine::Curve;
 use crate::continuation::error::if_converged;
+use crate::continuation::event::singular::mirrored_tangent;
 use crate::continuation::point::units::Units;
 use crate::continuation::point::{Arms, Wanted};
 use crate::continuation::{
@@ -218,9 +219,16 @@ impl Curve<'_> {
         if s <= 0.0 {
             return Ok(None);
         }
-        let mut y = self.here.ahead(-radius);
-        let guess = y.clone();
-        let mut t = self.here.t.clone();
+        // Where curves touch at the end the tangent there is any one between theirs.
+        let mut end = self.here.clone();
+        end.s = s + radius;
+        end.t = mirrored_tangent((&anchor, &normal), &end.x);
+        let mut behind = end.clone();
+        std::mem::swap(&mut self.here, &mut self.next);
+        self.interpolate(s, &end, &mut behind);
+        std::mem::swap(&mut self.here, &mut self.next);
+        let (guess, mut t) = (behind.x, behind.t);
+        let mut y = guess.clone();
         let (map, plane) = (&self.map, (&anchor[..], &normal[..], s));
         let corrected = (self.corrector).correct_in_plane(map, &self.path.selection, plane, &mut y, &mut t);
         let met = if_converged(corrected)?.is_some();
