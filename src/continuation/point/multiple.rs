@@ -6,9 +6,11 @@ use super::search::DENSE;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
 use crate::sparse::{distance, dot, norm};
 
-/// Steps of Newton's method, each of which takes at least a third of the distance that is left at points up to a threefold root: enough for
-/// three decimal digits to become the five to which rounding determines such a point.
-const LIMIT: usize = 40;
+/// Steps of Newton's method: each takes at least half of the distance that is left at points up to a double root of its equations, which
+/// rounding ends after as many steps as numbers have binary digits.
+const LIMIT: usize = f64::MANTISSA_DIGITS as usize + 7;
+/// Least ratio of successive steps of linear convergence: half of that at double roots.
+const LINEAR: f64 = 0.25;
 /// The largest dimension of a kernel whose arms are determined.
 pub(in crate::continuation) const LARGEST: usize = 3;
 
@@ -51,23 +53,26 @@ pub(in crate::continuation) fn multiple_point(
             norm(&scaled.map(|((s, unit), size)| s * unit / size).collect::<Vec<_>>())
         });
         let rate = length / last;
-        let moved_by = |step: &[f64], share: f64| -> Vec<f64> {
-            let moved = x.iter().zip(step.iter().zip(&near.units));
-            moved.map(|(x, (s, unit))| x + share * s * unit).collect()
-        };
-        // Convergence is quadratic until rounding ends it, or linear, where the steps that are left are a geometric series.
-        if known && (length <= f64::EPSILON || rate >= 0.25) {
-            let end = match &step {
-                Some(step) if rate < 1.0 => moved_by(step, (1.0 - rate).recip()),
-                _ => x.clone(),
-            };
-            return Ok(near.vanishes().then_some(end));
-        }
+        // Convergence is quadratic until rounding ends it, or linear, where the steps that are left are a geometric series: its sum is known
+        // better as long as no step is among rounding errors.
+        let linear = rate >= LINEAR;
+        let done = known && (linear || length <= f64::EPSILON);
+        let on_curve = done && near.vanishes();
         let Some(step) = step.filter(|_| rate < 1.0) else {
-            return Ok(None);
+            return Ok(on_curve.then_some(x));
         };
-        let next = moved_by(&step, 1.0);
-        x = next;
+        let share = if done && linear { (1.0 - rate).recip() } else { 1.0 };
+        let moved = x.iter().zip(step.iter().zip(&near.units)).zip(&*sizes);
+        x = moved
+            .map(|((x, (s, unit)), size)| match x + share * s * unit {
+                // Below rounding in these units it is not known.
+                next if next.abs() <= f64::EPSILON * size => 0.0,
+                next => next,
+            })
+            .collect();
+        if done {
+            return Ok(on_curve.then_some(x));
+        }
         last = length;
         if distance(&x, guess) > reach {
             return Ok(None);
