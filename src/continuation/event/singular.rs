@@ -5,7 +5,7 @@ use super::locate::Find;
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, State};
-use crate::continuation::point::{LARGEST, multiple_point};
+use crate::continuation::point::{LARGEST, ROOT, multiple_point};
 use crate::piecewise::{PiecewiseSmoothExt, Selection, Vanishing};
 use crate::sparse::{distance, dot, norm};
 
@@ -174,6 +174,8 @@ impl Curve<'_> {
         target.s = self.here.progress_to(&found.x);
         target.t = mirrored_tangent((&self.here.x, &self.here.t), &found.x);
         let rounding = LOCATED * (1.0 + norm(&found.x));
+        // One more than the order with which the regularity falls.
+        let most = 1.0 + if found.simple { 1.0 } else { ROOT };
         let (mut state, mut before) = (target.clone(), (0.0, self.here.t.clone()));
         for share in SHARES {
             // No other one may lie before or beyond it.
@@ -190,7 +192,7 @@ impl Curve<'_> {
             if !near || turned || dot(&state.t, &before.1) < self.setup.options.min_cos {
                 return Ok(Err(Unresolved::Crossing));
             }
-            if share == HALF && state.decline.is_some_and(|d| !(0.0..=2.0).contains(&(d * left))) {
+            if share == HALF && state.decline.is_some_and(|d| !(0.0..=most).contains(&(d * left))) {
                 return Ok(Err(Unresolved::Crossing));
             }
             // The tangent at the branch point, extrapolated.

@@ -21,7 +21,7 @@ const APART: f64 = 1.0 / 1024.0;
 /// Number of points beside the given one from which everything is computed again.
 const BESIDE: usize = 2;
 /// Highest order of a root that a located point may be.
-const ROOT: f64 = 4.0;
+pub(in crate::continuation) const ROOT: f64 = 4.0;
 /// Times that sizes are found from changes of the Jacobian over the sizes before: where only a square tells the size of a variable that is 0,
 /// each time takes three of four digits by which it is off, and 4⁸ digits are more than numbers have.
 const PASSES: usize = 8;

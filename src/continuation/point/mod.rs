@@ -26,6 +26,7 @@ use crate::words::Count;
 
 pub use analyse::arms_at;
 pub(super) use classify::kind_of;
+pub(super) use extension::ROOT;
 pub(super) use first::{Wanted, one_arm};
 pub(super) use multiple::{LARGEST, multiple_point};
 pub(super) use proof::certainty;
