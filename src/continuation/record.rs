@@ -121,6 +121,10 @@ pub struct Arm {
     pub det_sign: Option<i8>,
     /// A corrected point of the arm next to the point, where its tangent does not tell it from others; else empty.
     pub(super) probe: Vec<f64>,
+    /// The power of the distance with which ∇H becomes regular along the arm, where it is singular at the point: 1 where curves cross, more
+    /// where they touch. 0 where that was not found.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) order: f64,
 }
 
 impl Arm {
@@ -144,6 +148,7 @@ impl Arm {
             direction,
             det_sign,
             probe: Vec::new(),
+            order: 0.0,
         }
     }
 }

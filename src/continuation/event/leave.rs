@@ -5,7 +5,7 @@ use crate::continuation::error::if_solved;
 use crate::continuation::point::units::Units;
 use crate::continuation::{Arm, ContinuationError};
 use crate::piecewise::{Selection, Vanishing};
-use crate::sparse::{distance, dot, norm};
+use crate::sparse::{dot, norm};
 use crate::tolerances::SELECTIONS;
 
 /// Share of the distance to a corrected point of an arm at which signs of determinants are taken: determinants grow with the distance from a
@@ -35,6 +35,7 @@ impl Curve<'_> {
         );
         self.here.s = 0.0;
         self.here.heading = Some(arm.direction);
+        self.here.order = arm.order;
         self.linearize_here()?;
         self.find_coactive()?;
         self.here.probe.clear();
@@ -66,14 +67,6 @@ impl Curve<'_> {
         }
         let at = if_solved(self.corrector.linearize(&self.map, &selection, probe, Some(&t)))?;
         self.here.take_signs(at.as_ref());
-        if let Some(at) = at.filter(|_| self.here.decline.is_none()) {
-            let mut there = self.here.clone();
-            there.x.copy_from_slice(probe);
-            let distance = distance(probe, &self.here.x);
-            let rows = &self.scale.rows;
-            let (rate, _) = (self.scale.regularity).decline(at, &self.map, rows, &there, distance)?;
-            self.here.order = -rate * distance;
-        }
         Ok(())
     }
 
@@ -117,7 +110,7 @@ impl Curve<'_> {
         } else if let Some(at) = at.filter(|_| !affine) {
             let (decline, _) =
                 (self.scale.regularity).decline(at, map, &self.scale.rows, &self.here, self.pace.h)?;
-            self.here.decline = Some(decline);
+            self.here.decline = Some(decline).filter(|&d| !Self::is_within_rounding(d, &self.here.x));
         }
         Ok(())
     }

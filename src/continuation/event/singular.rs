@@ -57,6 +57,11 @@ impl Curve<'_> {
         Ok(multiple.map(degenerate).or(simple))
     }
 
+    /// Whether the singular point that a rate of decline announces is x, within rounding.
+    pub(in crate::continuation) fn is_within_rounding(decline: f64, x: &[f64]) -> bool {
+        decline.abs() * LOCATED * (1.0 + norm(x)) >= 1.0
+    }
+
     /// Moves `next` to a degenerate singular point towards which the curve leads as its regularity falls: next to it the corrector gains no
     /// digits. Simple branch points lie between points of the curve.
     fn leads_to_singular_point(&mut self) -> Result<bool, ContinuationError> {

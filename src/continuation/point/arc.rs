@@ -27,11 +27,17 @@ impl Value {
 pub(super) struct Arc {
     pub(super) terms: Vec<Vec<f64>>,
     pub(super) half: Option<Vec<f64>>,
+    /// The power of s with which the Jacobian becomes regular.
+    pub(super) order: f64,
 }
 
 impl Arc {
-    pub(super) fn new(terms: Vec<Vec<f64>>) -> Self {
-        Self { terms, half: None }
+    pub(super) fn new(terms: Vec<Vec<f64>>, order: f64) -> Self {
+        Self {
+            terms,
+            half: None,
+            order,
+        }
     }
 
     pub(super) fn tangent(&self) -> &[f64] {

@@ -103,6 +103,7 @@ fn within(extension: &Extension<'_>, layout: &TestLayout, arcs: &[Arc]) -> Optio
             direction,
             det_sign: None,
             probe: Vec::new(),
+            order: arcs[0].order,
         },
         facets: grazing,
         arc: Some(arc),

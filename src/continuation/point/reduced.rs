@@ -44,7 +44,7 @@ impl Extension<'_> {
             let r = self.rest(base, &terms);
             terms.push(self.solve(base, &r));
         }
-        Arc::new(terms)
+        Arc::new(terms, 1.0)
     }
 
     /// The coefficient of H that the next term of an arc has to cancel.
@@ -163,7 +163,7 @@ impl Extension<'_> {
                 .zip(&across)
                 .for_each(|(w, a)| *w += beta * a);
         }
-        Some(Arc::new(terms))
+        Some(Arc::new(terms, shift as f64))
     }
 
     /// A quadratic form of rank one: q t² with t across the double root, and s along it. The Newton polygon of q t² + e s³ + …
@@ -189,6 +189,7 @@ impl Extension<'_> {
                     let arc = |base: usize| Arc {
                         terms: vec![near(base).iter().map(|t| side * t).collect()],
                         half: Some(self.direction(&across).iter().map(|v| sign * half * v).collect()),
+                        order: 1.5,
                     };
                     (0..self.num_bases()).map(arc).collect()
                 };
@@ -226,7 +227,7 @@ impl Extension<'_> {
                     let mut terms = self.completed(base, vec![self.kernel_near(base, tangent)], 2);
                     let w = root(base, sign);
                     terms[1].iter_mut().zip(across).for_each(|(t, a)| *t += w * a);
-                    Arc::new(terms)
+                    Arc::new(terms, 2.0)
                 };
                 let of = |sign: f64| both_ways((0..self.num_bases()).map(|b| arc(b, sign)).collect());
                 Reduced::Arms([of(1.0), of(-1.0)].concat())
@@ -315,7 +316,7 @@ impl Extension<'_> {
         let beta = solve3(rows, [-rest[0], -rest[1], 0.0])?;
         let moved = self.direction(&beta);
         terms[1].iter_mut().zip(&moved).for_each(|(t, m)| *t += m);
-        Some(Arc::new(terms))
+        Some(Arc::new(terms, 1.0))
     }
 }
 

@@ -427,6 +427,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                 direction,
                 det_sign: None,
                 probe: Vec::new(),
+                order: 0.0,
             },
             facets,
             arc: None,

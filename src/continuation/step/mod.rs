@@ -54,7 +54,9 @@ impl Curve<'_> {
         let first = self.first_event()?;
         let Ok(event) = first else { return Ok(first) };
         let on_bound = matches!(event, Some(Monitor::Parameter { last: true, .. }));
-        let singular_there = on_bound && self.next.orientation.is_none() && self.here.orientation.is_some();
+        let met = |d| Self::is_within_rounding(d, &self.next.x);
+        let singular_there = self.here.orientation.is_some()
+            && (self.next.orientation.is_none() || self.next.decline.is_some_and(met));
         let unseen = self.passes_unseen(event) && (!self.refine_declines()? || self.passes_unseen(event));
         if on_bound && (singular_there || unseen) && self.singular_point_on_bound()? {
             return Ok(Ok(Some(Monitor::Singular)));
