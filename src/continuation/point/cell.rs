@@ -27,7 +27,7 @@ pub(super) fn in_cell(
 ) -> Result<InCell, PiecewiseError> {
     let mut extension = Extension::new(frame, selection)?;
     let located = Frame {
-        off: if singular { extension.location_error() } else { 0.0 },
+        off: if singular { extension.location_error()? } else { 0.0 },
         ..*frame
     };
     if located.off > extension.error {

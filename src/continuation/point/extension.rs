@@ -2,6 +2,7 @@
 //! Taylor coefficients along arcs.
 
 use std::cell::Cell;
+use std::f64::consts::FRAC_PI_2;
 
 use super::arc::{Arc, Value};
 use super::multiple::LARGEST;
@@ -192,12 +193,50 @@ impl<'a> Extension<'a> {
         self.error / least + self.noise.get()
     }
 
-    /// How far the point may be from the one where the kernel has its dimension, in balanced units: at a root of order k of the equations of
-    /// that point a step of Newton's method is 1/k of the distance.
-    pub(super) fn location_error(&self) -> f64 {
-        let determined = (2..=LARGEST).contains(&self.dimension());
-        let step = determined.then(|| self.towards_singular_point()).flatten();
-        step.map_or(0.0, |s| ROOT * norm(&s))
+    /// How far the point may be from the one where the kernel has its dimension, in balanced units. At a root of order k of the equations of
+    /// that point a step of Newton's method is 1/k of the distance. Where the quadratic form has rank one, it is the distance along its double
+    /// root up to which ∇H in the kernel is 0 within rounding.
+    pub(super) fn location_error(&self) -> Result<f64, PiecewiseError> {
+        if !(2..=LARGEST).contains(&self.dimension()) {
+            return Ok(0.0);
+        }
+        let step = self.towards_singular_point().map_or(0.0, |s| ROOT * norm(&s));
+        let ([first, second], [u]) = (self.kernel(), self.cokernel()) else {
+            return Ok(step);
+        };
+        let form = |v: &[f64]| 2.0 * dot(u, &self.along(0, &[v], 2).residual[2]);
+        let combined = |c: [f64; 2]| -> Vec<f64> {
+            let terms = first.iter().zip(second);
+            terms.map(|(a, b)| c[0] * a + c[1] * b).collect()
+        };
+        let (a, d) = (form(first), form(second));
+        let b = 0.5 * (form(&combined([1.0, 1.0])) - a - d);
+        if a.abs().max(b.abs()).max(d.abs()) <= self.error.sqrt() {
+            // The form vanishes at the point, as far as that is known.
+            return Ok(step);
+        }
+        // Twice the angle of the eigenvector whose eigenvalue has the sign of the trace, the larger one.
+        let angle = 0.5 * (2.0 * b).atan2(a - d) + if a + d < 0.0 { 0.0 } else { FRAC_PI_2 };
+        let least = combined([angle.cos(), angle.sin()]);
+        let (map, mut jac) = (self.frame.map, Matrix::zeros(self.frame.map.pattern()));
+        let mut s = APART;
+        while s > f64::EPSILON {
+            let moved = self.bases[0].iter().zip(least.iter().zip(&self.units));
+            let moved: Vec<f64> = moved.map(|(x, (v, unit))| x + s * v * unit).collect();
+            jac.clear();
+            map.jacobian(self.selection, &moved, &mut jac);
+            let jac = self.balanced(&jac);
+            let seen = |e: &Vec<f64>| {
+                let mut image = vec![0.0; u.len()];
+                jac.mul_vec(e, &mut image);
+                dot(u, &image).abs() > self.error
+            };
+            if !self.kernel().iter().any(seen) {
+                break;
+            }
+            s *= 0.5;
+        }
+        Ok(s)
     }
 
     /// Whether the part of H outside the range of its Jacobian is 0 within rounding, which its values beside the point tell.
