@@ -26,10 +26,13 @@ pub(super) fn in_cell(
     singular: bool,
 ) -> Result<InCell, PiecewiseError> {
     let mut extension = Extension::new(frame, selection)?;
-    let located = Frame {
-        off: if singular { extension.location_error()? } else { 0.0 },
-        ..*frame
-    };
+    let mut located = Frame { ..*frame };
+    if singular {
+        let rank = extension.rank;
+        extension.rank = extension.doubtful_rank(true).unwrap_or(rank);
+        located.off = extension.location_error()?;
+        extension.rank = rank;
+    }
     if located.off > extension.error {
         extension = Extension::new(&located, selection)?;
     }
