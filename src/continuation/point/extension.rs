@@ -219,6 +219,7 @@ impl<'a> Extension<'a> {
         let angle = 0.5 * (2.0 * b).atan2(a - d) + if a + d < 0.0 { 0.0 } else { FRAC_PI_2 };
         let least = combined([angle.cos(), angle.sin()]);
         let (map, mut jac) = (self.frame.map, Matrix::zeros(self.frame.map.pattern()));
+        let rounding = 2.0 * self.svd.values[self.rank].max(self.error);
         let mut s = APART;
         while s > f64::EPSILON {
             let moved = self.bases[0].iter().zip(least.iter().zip(&self.units));
@@ -229,7 +230,7 @@ impl<'a> Extension<'a> {
             let seen = |e: &Vec<f64>| {
                 let mut image = vec![0.0; u.len()];
                 jac.mul_vec(e, &mut image);
-                dot(u, &image).abs() > self.error
+                dot(u, &image).abs() > rounding
             };
             if !self.kernel().iter().any(seen) {
                 break;
