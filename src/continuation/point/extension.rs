@@ -2,7 +2,6 @@
 //! Taylor coefficients along arcs.
 
 use std::cell::Cell;
-use std::f64::consts::FRAC_PI_2;
 
 use super::arc::{Arc, Value};
 use super::multiple::LARGEST;
@@ -201,23 +200,14 @@ impl<'a> Extension<'a> {
             return Ok(0.0);
         }
         let step = self.towards_singular_point().map_or(0.0, |s| ROOT * norm(&s));
-        let ([first, second], [u]) = (self.kernel(), self.cokernel()) else {
+        let ([_, _], [u]) = (self.kernel(), self.cokernel()) else {
             return Ok(step);
         };
-        let form = |v: &[f64]| 2.0 * dot(u, &self.along(0, &[v], 2).residual[2]);
-        let combined = |c: [f64; 2]| -> Vec<f64> {
-            let terms = first.iter().zip(second);
-            terms.map(|(a, b)| c[0] * a + c[1] * b).collect()
-        };
-        let (a, d) = (form(first), form(second));
-        let b = 0.5 * (form(&combined([1.0, 1.0])) - a - d);
-        if a.abs().max(b.abs()).max(d.abs()) <= self.error.sqrt() {
-            // The form vanishes at the point, as far as that is known.
+        let (forms, discriminant) = self.form();
+        if discriminant.is_none_or(|d| d.sign() != 0) {
             return Ok(step);
         }
-        // Twice the angle of the eigenvector whose eigenvalue has the sign of the trace, the larger one.
-        let angle = 0.5 * (2.0 * b).atan2(a - d) + if a + d < 0.0 { 0.0 } else { FRAC_PI_2 };
-        let least = combined([angle.cos(), angle.sin()]);
+        let least = self.direction(&Self::double_root(forms[0]));
         let (map, mut jac) = (self.frame.map, Matrix::zeros(self.frame.map.pattern()));
         let rounding = 2.0 * self.svd.values[self.rank].max(self.error);
         let mut s = APART;

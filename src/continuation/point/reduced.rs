@@ -69,7 +69,7 @@ impl Extension<'_> {
         self.cokernel().iter().map(|u| dot(u, &r)).collect()
     }
 
-    fn direction(&self, c: &[f64]) -> Vec<f64> {
+    pub(super) fn direction(&self, c: &[f64]) -> Vec<f64> {
         let mut v = vec![0.0; self.units.len()];
         for (basis, c) in self.kernel().iter().zip(c) {
             v.iter_mut().zip(basis).for_each(|(v, b)| *v += c * b);
@@ -94,7 +94,8 @@ impl Extension<'_> {
         move |c| self.obstruction(base, &[self.direction(c)])[row]
     }
 
-    fn in_plane(&self) -> Reduced {
+    /// The quadratic form of a kernel of two dimensions at each base, and its discriminant; `None` where it is 0.
+    pub(super) fn form(&self) -> (Vec<[f64; 3]>, Option<Value>) {
         let form = |b: usize| -> [f64; 3] {
             let q = self.quadratic(b, 0);
             let (a, c) = (q(&[1.0, 0.0]), q(&[0.0, 1.0]));
@@ -106,12 +107,24 @@ impl Extension<'_> {
         let [a, b, c] = entries.map(|e| e.value);
         let error = entries.iter().map(|e| e.error).fold(0.0, f64::max);
         let size = a.abs().max(b.abs()).max(c.abs());
-        if size <= error {
-            return self.by_cubic();
-        }
-        let discriminant = Value {
+        let discriminant = (size > error).then_some(Value {
             value: b * b - a * c,
             error: 4.0 * size * error,
+        });
+        (forms, discriminant)
+    }
+
+    /// The direction of the kernel along a double root of a form: the eigenvector of the eigenvalue that vanishes.
+    pub(super) fn double_root([a, b, c]: [f64; 3]) -> [f64; 2] {
+        let along = if a.abs() > c.abs() { [-b, a] } else { [c, -b] };
+        let length = along[0].hypot(along[1]);
+        along.map(|v| v / length)
+    }
+
+    fn in_plane(&self) -> Reduced {
+        let (forms, discriminant) = self.form();
+        let Some(discriminant) = discriminant else {
+            return self.by_cubic();
         };
         match discriminant.sign() {
             -1 => Reduced::Arms(Vec::new()),
@@ -129,7 +142,7 @@ impl Extension<'_> {
                 }
                 Reduced::Arms(arms)
             }
-            _ => self.along_double_root([a, b, c]),
+            _ => self.along_double_root(forms[0]),
         }
     }
 
@@ -168,10 +181,7 @@ impl Extension<'_> {
 
     /// A quadratic form of rank one: q t² with t across the double root, and s along it. The Newton polygon of q t² + e s³ + …
     fn along_double_root(&self, [a, b, c]: [f64; 3]) -> Reduced {
-        // The eigenvector of the eigenvalue that vanishes.
-        let along = if a.abs() > c.abs() { [-b, a] } else { [c, -b] };
-        let length = along[0].hypot(along[1]);
-        let along = along.map(|v| v / length);
+        let along = Self::double_root([a, b, c]);
         let across = [-along[1], along[0]];
         let q = a + c;
         let tangent = self.direction(&along);
