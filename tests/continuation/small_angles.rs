@@ -226,23 +226,28 @@ fn two_and_three_curves_among_further_unknowns() {
     look(&[SPACE], 2);
 }
 
-/// Where ∇H becomes singular and the orientation does not change there is no simple branch point: the run ends with that doubt.
+/// Where curves touch, or three cross in one point, ∇H becomes singular and the orientation does not change: the point is located by its own
+/// equations, has all arms, and the curve goes straight on.
 #[test]
-fn curves_that_touch_and_three_through_one_point_are_reported() {
+fn curves_that_touch_and_three_through_one_point_are_passed() {
     let line = |b: f64| Parabola([0.0, b, 0.0]);
     for curves in [
         vec![line(0.0), Parabola([0.0, 0.0, 1.0])],
         vec![line(0.3), line(-0.4), line(0.9)],
     ] {
         let plane = Family { curves };
-        let first = plane.curves[0];
+        let (first, curves) = (plane.curves[0], plane.curves.len());
         let map = Embedded::new(PLANE, plane, &mut Random::new(0));
         let along = Direction::Along(vec![1.0, first.slope(0.0)]);
         let options = ContinuationOptions::default().with_max_arclength(2.0);
         let branch = Branch::follow(&map, &[-1.0, first.at(-1.0)], along, options).unwrap();
-        assert_eq!(branch.termination, Termination::UnresolvedCrossing);
-        assert!(branch.branch_points.is_empty());
+        assert_eq!(branch.termination, Termination::ArclengthLimit);
+        let [vertex] = branch.branch_points.as_slice() else {
+            panic!("{:?}", branch.branch_points);
+        };
+        assert!(vertex.complete && vertex.arms.len() + 1 == 2 * curves);
+        assert!(vertex.point.x.iter().all(|x| x.abs() < 1e-6), "{vertex:?}");
         let end = &branch.points.last().unwrap().x;
-        assert!(end[0] < 0.0 && end[0] > -1e-6, "{end:?}");
+        assert!((end[1] - first.at(end[0])).abs() < 1e-9 && end[0] > 0.5, "{end:?}");
     }
 }
