@@ -181,6 +181,8 @@ impl Curve<'_> {
         let rounding = LOCATED * (1.0 + norm(&found.x));
         // One more than the order with which the regularity falls.
         let most = 1.0 + if found.simple { 1.0 } else { ROOT };
+        // Along trivial solutions rows have no terms by which their decline could be measured.
+        let measured = !self.scale.rows.contains(&0.0);
         let (mut state, mut before) = (target.clone(), (0.0, self.here.t.clone()));
         for share in SHARES {
             // No other one may lie before or beyond it.
@@ -197,7 +199,7 @@ impl Curve<'_> {
             if !near || turned || dot(&state.t, &before.1) < self.setup.options.min_cos {
                 return Ok(Err(Unresolved::Crossing));
             }
-            if share == HALF && state.decline.is_some_and(|d| !(0.0..=most).contains(&(d * left))) {
+            if share == HALF && measured && state.decline.is_some_and(|d| !(0.0..=most).contains(&(d * left))) {
                 return Ok(Err(Unresolved::Crossing));
             }
             // The tangent at the branch point, extrapolated.

@@ -235,6 +235,31 @@ impl Curve<'_> {
         Ok((met && distance(&y, &guess) <= 0.5 * radius).then_some(y))
     }
 
+    /// The arm that goes straight on from that of arrival: where several do, the one nearest to the parabola on which the curve arrived.
+    fn straightest(&self, arms: &[Arm], arrival: &Arm) -> Option<usize> {
+        let chord = |arm: &Arm| -> Vec<f64> {
+            let points = arm.probe.iter().zip(&self.here.x);
+            points.map(|(p, x)| p - x).collect()
+        };
+        let (before, t) = (chord(arrival), &self.here.t);
+        let back = dot(&before, t);
+        let far = |k: &usize| {
+            let after = chord(&arms[*k]);
+            if after.len() != before.len() || back == 0.0 {
+                return distance(&arms[*k].tangent, t);
+            }
+            let share = dot(&after, t) / back;
+            let off = before.iter().zip(&after).zip(t).map(|((b, a), t)| {
+                let parabola = share * back * t + share * share * (b - back * t);
+                (a - parabola).powi(2)
+            });
+            off.sum::<f64>()
+        };
+        let straight = |k: &usize| distance(&arms[*k].tangent, t) < STRAIGHT;
+        let list = (0..arms.len()).filter(straight);
+        list.min_by(|i, j| far(i).total_cmp(&far(j)))
+    }
+
     /// The arm to follow: the only one, or the one that goes straight on, with the followed selection if there are several.
     fn choose(&self, arms: &Arms) -> Option<usize> {
         let straight = |k: &usize| distance(&arms.list[*k].tangent, &self.here.t) < STRAIGHT;
@@ -323,15 +348,14 @@ impl Curve<'_> {
         let arrival = incoming.unwrap_or_else(|| self.arm_behind(self.direction_here()));
         let grazing = self.point_here(PointKind::Step, 0).grazing;
         let straight = Arm::along(self.path.selection.clone(), self.here.t.clone(), grazing, None);
-        let far = |a: &Arm| distance(&a.tangent, &straight.tangent);
-        let nearest = (0..arms.list.len()).min_by(|&i, &j| far(&arms.list[i]).total_cmp(&far(&arms.list[j])));
+        let nearest = self.straightest(&arms.list, &arrival);
         if arms.complete && let [arm] = arms.list.as_slice() && arm.direction == arrival.direction {
             let arm = arm.clone();
             let point = self.point_here(PointKind::Step, 0);
             self.emit(Event::SmoothFold(point));
             return self.adopt(&arm, &vanishing);
         }
-        let k = match nearest.filter(|&k| far(&arms.list[k]) < STRAIGHT) {
+        let k = match nearest {
             Some(k) => {
                 // The followed selection is kept: it is regular, or its curve is the one that is followed.
                 arms.list[k].selection = straight.selection;
