@@ -248,6 +248,9 @@ fn curves_that_touch_and_three_through_one_point_are_passed() {
         assert!(vertex.complete && vertex.arms.len() + 1 == 2 * curves);
         assert!(vertex.point.x.iter().all(|x| x.abs() < 1e-6), "{vertex:?}");
         let end = &branch.points.last().unwrap().x;
-        assert!((end[1] - first.at(end[0])).abs() < 1e-9 && end[0] > 0.5, "{end:?}");
+        assert!(
+            (end[1] - first.at(end[0])).abs() < 1e-9 && end[0] > 0.5,
+            "{end:?}"
+        );
     }
 }

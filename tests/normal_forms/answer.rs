@@ -164,23 +164,22 @@ impl Explored {
     }
 }
 
-/// The folds of a curve.
-pub fn folds(
-    map: &dyn PiecewiseSmooth,
-    start: &[f64],
-    increasing: bool,
-    options: ContinuationOptions,
-) -> Result<Vec<Vec<f64>>, Refusal> {
-    Ok(run(map, start, increasing, options)?.0)
+/// What a run along a curve says.
+pub struct Run {
+    pub folds: Vec<Vec<f64>>,
+    /// The last point if it ended on a bound of the parameter.
+    pub end: Option<Vec<f64>>,
+    /// Whether it says that it stopped before the curve ended.
+    pub stopped: bool,
 }
 
-/// The folds of a curve, and its last point if it ended on a bound of the parameter.
+/// Follows a curve.
 pub fn run(
     map: &dyn PiecewiseSmooth,
     start: &[f64],
     increasing: bool,
     options: ContinuationOptions,
-) -> Result<(Vec<Vec<f64>>, Option<Vec<f64>>), Refusal> {
+) -> Result<Run, Refusal> {
     let direction = if increasing {
         Direction::Increasing
     } else {
@@ -195,5 +194,12 @@ pub fn run(
     let smooth = branch.smooth_folds.iter().map(|f| f.x.clone());
     let bound = branch.termination == Termination::ParameterRange;
     let end = branch.points.last().filter(|_| bound).map(|p| p.x.clone());
-    Ok((kinks.chain(smooth).collect(), end))
+    Ok(Run {
+        folds: kinks.chain(smooth).collect(),
+        end,
+        stopped: matches!(
+            branch.termination,
+            Termination::UnresolvedCrossing | Termination::StepTooSmall | Termination::Undecided
+        ),
+    })
 }

@@ -7,7 +7,7 @@ use semismooth::continuation::{
 };
 use semismooth::piecewise::{Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Traced};
 
-use crate::answer::{Certainty, explore, folds, options};
+use crate::answer::{Certainty, explore, options, run};
 
 /// A map of `vars` variables, the parameter last, with a number p in its formula.
 macro_rules! curve {
@@ -125,7 +125,9 @@ fn the_second_fold_is_found() {
         let start = [y, -3.0];
         let turn = 2.0 * (c / 3.0).powf(1.5);
         for share in [1.0, 0.05] {
-            let found = folds(&map, &start, true, options(1.0, (-3.0, 3.0), share)).expect("a branch");
+            let found = run(&map, &start, true, options(1.0, (-3.0, 3.0), share))
+                .expect("a branch")
+                .folds;
             assert_eq!(found.len(), 2, "c = {c} at {share} of the default step");
         }
         let known: &[(f64, &[f64])] = &[(0.0, &[-c.sqrt(), 0.0, c.sqrt()])];
@@ -144,7 +146,9 @@ fn all_of_three_folds_are_found() {
         });
         let start = [0.9, 0.81 * (0.81 - c)];
         for share in [1.0, 0.05] {
-            let found = folds(&map, &start, false, options(1.0, (-1.0, 1.0), share)).expect("a branch");
+            let found = run(&map, &start, false, options(1.0, (-1.0, 1.0), share))
+                .expect("a branch")
+                .folds;
             let mut places: Vec<f64> = found.iter().map(|x| x[0]).collect();
             places.sort_by(f64::total_cmp);
             let exact = [-(0.5 * c).sqrt(), 0.0, (0.5 * c).sqrt()];

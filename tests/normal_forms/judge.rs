@@ -2,7 +2,7 @@
 
 use semismooth::piecewise::{PiecewiseSmooth, Traced};
 
-use crate::answer::{Certainty, Explored, Local, Refusal, explore, folds, local, options};
+use crate::answer::{Certainty, Explored, Local, Refusal, explore, local, options, run};
 use crate::coordinates::Embedded;
 use crate::forms::{Core, Curve, Entry, Kind};
 use crate::random::Random;
@@ -399,11 +399,17 @@ impl<'a> Member<'a> {
             let what = format!("curve at {share} of the default step");
             let options =
                 options(self.inner.alpha_unit, limits, share).with_max_points((3000.0 / share) as usize);
-            match folds(&self.map, start, increasing, options) {
-                Ok(folds) => {
-                    let folds: Vec<Vec<f64>> = folds.iter().map(|f| self.inner.normal(f)).collect();
+            match run(&self.map, start, increasing, options) {
+                Ok(run) => {
+                    let folds: Vec<Vec<f64>> = run.folds.iter().map(|f| self.inner.normal(f)).collect();
                     if let Err(text) = self.folds_right(&folds, range) {
-                        self.findings.folds.push(format!("{what}: {text}"));
+                        let findings = &mut self.findings;
+                        let list = if run.stopped {
+                            &mut findings.missing
+                        } else {
+                            &mut findings.folds
+                        };
+                        list.push(format!("{what}: {text}"));
                     }
                 }
                 Err(refusal) => self.refused(&what, refusal),

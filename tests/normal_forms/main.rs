@@ -28,14 +28,6 @@ fn members() -> u64 {
     asked.ok().and_then(|v| v.parse().ok()).unwrap_or(2)
 }
 
-/// Families of higher codimension where wrong folds or errors are still seen. No list of theirs may be called complete.
-const OPEN: [&str; 4] = [
-    "cusp y² = a³",
-    "three lines",
-    "four lines in space",
-    "two of four complex lines",
-];
-
 type Examine = fn(&Entry, &mut Random) -> Findings;
 
 fn member(draw: fn(&mut Random) -> Entry, examine: Examine, name: &str, seed: u64) -> (Findings, u8) {
@@ -108,9 +100,8 @@ fn families(name: &str, chosen: impl Fn(&str) -> bool, examine: Examine) {
             "{family:36} {codim:11}  {:7}  {:5}  {:16}  {:5}  {:7}  {:9}  {:9}\n",
             c.instances, c.wrong, c.falsely_complete, c.folds, c.missing, c.estimated, c.undecided
         ));
-        let open = OPEN.contains(family);
         let decided = told && codim <= 1;
-        let bad = c.falsely_complete > 0 || (!open && c.wrong + c.folds > 0);
+        let bad = c.falsely_complete + c.wrong + c.folds > 0;
         // Undecided are at most one of a hundred, and so are those with something missing.
         if bad || (decided && c.undecided.max(c.missing) > c.instances / 100) {
             faults.push(*family);
@@ -240,6 +231,27 @@ fn curves_arrive_at_and_leave_degenerate_points() {
         ("transcritical, slope 1e-3 to 0.1", 8),
         ("transcritical, slope 1e-3 to 0.1", 41),
         ("pitchfork, subcritical", 36),
+    ]);
+}
+
+/// Kernels of three dimensions, and degenerate ones of two, are arrived at from a branch and on a bound: located by their own equations, with
+/// all their arms, left along each of them. Before, curves ended next to them, some on arms that were rounding errors.
+#[test]
+fn curves_pass_points_of_higher_codimension() {
+    decided(&[
+        ("four lines in space", 0),
+        ("four lines in space", 2),
+        ("two of four complex lines", 8),
+        ("two of four complex lines", 14),
+        ("two of four complex lines", 18),
+        ("three lines", 0),
+        ("three lines", 19),
+        ("cusp y² = a³", 0),
+        ("cusp y² = a³", 1),
+        ("cusp y² = a³", 6),
+        ("touching parabolas", 0),
+        ("touching parabolas", 2),
+        ("touching parabolas", 3),
     ]);
 }
 

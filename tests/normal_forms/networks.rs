@@ -93,14 +93,14 @@ fn networks_have_the_same_folds_in_small_steps() {
         let (Ok(default), Ok(small)) = (default, small) else {
             continue;
         };
-        let (Some(end), Some(_)) = (&default.1, &small.1) else {
+        let (Some(end), Some(_)) = (&default.end, &small.end) else {
             continue;
         };
         curves += 1;
-        folds += small.0.len();
+        folds += small.folds.len();
         let back = end[end.len() - 1] < 0.0;
-        let same = default.0.len() == small.0.len()
-            && default.0.iter().zip(&small.0).all(|(p, q)| {
+        let same = default.folds.len() == small.folds.len()
+            && default.folds.iter().zip(&small.folds).all(|(p, q)| {
                 p.iter()
                     .zip(q)
                     .map(|(p, q)| (p - q) * (p - q))
@@ -108,8 +108,8 @@ fn networks_have_the_same_folds_in_small_steps() {
                     .sqrt()
                     < 1e-5
             });
-        if !same || (default.0.len() % 2 == 1) != back {
-            faults.push((seed, default.0.len(), small.0.len(), back));
+        if !same || (default.folds.len() % 2 == 1) != back {
+            faults.push((seed, default.folds.len(), small.folds.len(), back));
         }
     }
     println!("networks: {curves} curves with {folds} folds; (seed, default, small, back): {faults:?}");

@@ -199,7 +199,8 @@ impl Curve<'_> {
             if !near || turned || dot(&state.t, &before.1) < self.setup.options.min_cos {
                 return Ok(Err(Unresolved::Crossing));
             }
-            if share == HALF && measured && state.decline.is_some_and(|d| !(0.0..=most).contains(&(d * left))) {
+            if share == HALF && measured && state.decline.is_some_and(|d| !(0.0..=most).contains(&(d * left)))
+            {
                 return Ok(Err(Unresolved::Crossing));
             }
             // The tangent at the branch point, extrapolated.
@@ -240,10 +241,7 @@ impl Curve<'_> {
 
     /// The next facet, if it is crossed at a branch point of the frozen selection, where the corrector fails on both sides. The
     /// point is extrapolated along the tangent and found by the extended system.
-    fn event_at_branch_point(
-        &mut self,
-        h: f64,
-    ) -> Result<Option<Monitor>, ContinuationError> {
+    fn event_at_branch_point(&mut self, h: f64) -> Result<Option<Monitor>, ContinuationError> {
         let rates = self.rates_at(&self.here);
         let mut nearest: Option<(f64, Monitor)> = None;
         for (index, facet) in self.facets() {

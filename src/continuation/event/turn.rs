@@ -349,7 +349,10 @@ impl Curve<'_> {
         let grazing = self.point_here(PointKind::Step, 0).grazing;
         let straight = Arm::along(self.path.selection.clone(), self.here.t.clone(), grazing, None);
         let nearest = self.straightest(&arms.list, &arrival);
-        if arms.complete && let [arm] = arms.list.as_slice() && arm.direction == arrival.direction {
+        if arms.complete
+            && let [arm] = arms.list.as_slice()
+            && arm.direction == arrival.direction
+        {
             let arm = arm.clone();
             let point = self.point_here(PointKind::Step, 0);
             self.emit(Event::SmoothFold(point));

@@ -50,7 +50,11 @@ pub(in crate::continuation) fn multiple_point(
         let sizes = units.get_or_insert_with(|| near.units.clone());
         let length = step.as_ref().map_or(0.0, |step| {
             let scaled = step.iter().zip(&near.units).zip(&*sizes);
-            norm(&scaled.map(|((s, unit), size)| s * unit / size).collect::<Vec<_>>())
+            norm(
+                &scaled
+                    .map(|((s, unit), size)| s * unit / size)
+                    .collect::<Vec<_>>(),
+            )
         });
         let rate = length / last;
         // Convergence is quadratic until rounding ends it, or linear, where the steps that are left are a geometric series: its sum is known
@@ -119,5 +123,119 @@ impl Extension<'_> {
             step.iter_mut().zip(e).for_each(|(s, e)| *s += c * e);
         }
         Some(step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::multiple_point;
+    use crate::continuation::point::arc::Arc;
+    use crate::continuation::point::extension::{Extension, Frame};
+    use crate::continuation::point::reduced::Reduced;
+    use crate::continuation::testing::{Function, Plane};
+    use crate::piecewise::{Selection, TestLayout};
+
+    fn frame<'a>(map: &'a Plane, x: &'a [f64]) -> Frame<'a> {
+        Frame {
+            map,
+            x,
+            vanishing: &[],
+            tests: 0,
+            met: &[],
+            theta: &[],
+            off: 0.0,
+        }
+    }
+
+    /// At (1, 2): a crossing, a cusp, curves that touch, three lines.
+    const DEGENERATE: [(Function, f64); 4] = [
+        (|y, a| product(y, a, 1.0, [0.5, -0.5, 0.0, 0.0], 2), 1.0),
+        (
+            |y, a| {
+                let (y, a) = (y - 1.0, a - 2.0);
+                [y * y - a * a * a, 2.0 * y, -3.0 * a * a]
+            },
+            1.5,
+        ),
+        (|y, a| product(y, a, 2.0, [0.75, -0.5, 0.0, 0.0], 2), 2.0),
+        (|y, a| product(y, a, 1.0, [0.5, -0.75, 0.25, 0.0], 3), 2.0),
+    ];
+
+    /// The product of the first so many y − cₖ aᵖ, p = 1 or 2, about (1, 2), with its derivatives.
+    fn product(y: f64, a: f64, power: f64, slopes: [f64; 4], number: usize) -> [f64; 3] {
+        let (y, a) = (y - 1.0, a - 2.0);
+        let term = |c: f64| if power == 1.0 { c * a } else { c * a * a };
+        let rate = |c: f64| if power == 1.0 { c } else { 2.0 * c * a };
+        let all = &slopes[..number];
+        let others = |k: usize| -> f64 {
+            let rest = all.iter().enumerate().filter(|(j, _)| *j != k);
+            rest.map(|(_, &c)| y - term(c)).product()
+        };
+        let dy = (0..number).map(others).sum();
+        let da = (0..number).map(|k| -rate(all[k]) * others(k)).sum();
+        [all.iter().map(|&c| y - term(c)).product(), dy, da]
+    }
+
+    /// From 0.02 beside them all are located: crossings to rounding, others as well as their equations tell, and the error that is told
+    /// covers what is left.
+    #[test]
+    fn degenerate_points_are_located_with_their_errors() {
+        for (k, (function, _)) in DEGENERATE.into_iter().enumerate() {
+            let map = Plane::smooth(function);
+            let (layout, selection) = (TestLayout::new(&map), Selection::uniform(1, 0));
+            let guess = [1.0 + 1e-3, 2.0 + 0.02];
+            let x = multiple_point(&map, &layout, &selection, (&guess, 1.0), 2).unwrap();
+            let x = x.unwrap_or_else(|| panic!("{k}"));
+            let off = (x[0] - 1.0).hypot(x[1] - 2.0);
+            assert!(off <= [4e-16, 1e-8, 1e-5, 1e-8][k], "{k}: {off}");
+            let frame = frame(&map, &x);
+            let mut here = Extension::new(&frame, &selection).unwrap();
+            here.rank = 0;
+            let told = here.location_error().unwrap();
+            assert!(told + 1e-15 >= 0.2 * off && told <= 1e-4, "{k}: {told} for {off}");
+        }
+    }
+
+    /// There is none beyond the reach, and none where H does not vanish.
+    #[test]
+    fn points_off_the_curve_or_beyond_the_reach_are_none() {
+        let apart: Function = |y, a| [(y - 1.0) * (y - 1.0) - a * a + 1e-9, 2.0 * (y - 1.0), -2.0 * a];
+        let map = Plane::smooth(apart);
+        let (layout, selection) = (TestLayout::new(&map), Selection::uniform(1, 0));
+        let at = |reach: f64, map: &Plane| {
+            multiple_point(map, &layout, &selection, (&[1.01, 0.02], reach), 2).unwrap()
+        };
+        assert_eq!(at(1.0, &map), None);
+        let crossing: Function = |y, a| [(y - 1.0) * (y - 1.0) - a * a, 2.0 * (y - 1.0), -2.0 * a];
+        let map = Plane::smooth(crossing);
+        assert!(at(1.0, &map).is_some());
+        assert_eq!(at(0.02, &map), None);
+    }
+
+    /// On each arm the determinant grows with the power of the distance that is told.
+    #[test]
+    fn orders_of_arms_are_those_of_their_determinants() {
+        for (function, order) in DEGENERATE {
+            let map = Plane::smooth(function);
+            let x = [1.0, 2.0];
+            let frame = frame(&map, &x);
+            let selection = Selection::uniform(1, 0);
+            let here = Extension::new(&frame, &selection).unwrap();
+            let Reduced::Arms(arms) = here.reduced() else {
+                panic!("order {order}: no arms");
+            };
+            assert!(!arms.is_empty());
+            for arcs in arms {
+                assert_eq!(arcs[0].order, order);
+                let arc: Arc = here.unscaled(&arcs[0]);
+                let size = |s: f64| {
+                    let d = arc.at(s);
+                    let [_, dy, da] = function(1.0 + d[0], 2.0 + d[1]);
+                    dy.hypot(da)
+                };
+                let power = (size(2e-3) / size(1e-3)).log2();
+                assert!((power - order).abs() < 0.02, "{power} instead of {order}");
+            }
+        }
     }
 }

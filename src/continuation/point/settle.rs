@@ -74,7 +74,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             let measure = Measure::of(&kept, self.x.len());
             let unit = kept.iter_mut().map(|f| self.unit(f)).fold(0.0, f64::max);
             // Tangents tell which arm a curve arrived on, unless arms touch each other.
-            let within = if touch(&kept, &measure) { self.within } else { f64::INFINITY };
+            let within = if touch(&kept, &measure) {
+                self.within
+            } else {
+                f64::INFINITY
+            };
             let far = RADII.partition_point(|radius| radius * unit > within);
             for radius in RADII[far..].iter().chain(&RADII[..far]).copied() {
                 if let Some(probes) = self.probes(&mut kept, &measure, radius)?
