@@ -403,8 +403,9 @@ pub enum Termination {
     /// No step of at least the smallest length was accepted.
     StepTooSmall,
     /// The orientation changes within the smallest step, and no branch point accurate to rounding explains it: two curves cross or pass
-    /// each other there; which of the two is not decided. Or ∇H becomes singular and the orientation does not change, where curves touch or
-    /// more than two meet. Neither a branch point nor the end of the curve.
+    /// each other there; which of the two is not decided. Or ∇H becomes singular without a change of the orientation, and the point was
+    /// not located: where curves touch or more than two meet in more than 60 unknowns, or where rounding hides it. Neither a branch point
+    /// nor the end of the curve.
     UnresolvedCrossing,
     /// A monitor function that ends the curve vanished.
     Monitor,
