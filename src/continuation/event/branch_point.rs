@@ -4,6 +4,7 @@ use crate::InputError;
 use crate::linear::{AutoSolver, Bordered, LinearError, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot, max_abs, norm};
+use crate::spread::centred;
 use crate::tolerances::{CENTRAL, HALF_DIGITS, ROUNDING};
 
 /// Smallest unit of a variable, relative to the largest.
@@ -338,14 +339,13 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
 
     /// Scatter of wᵀH in the last bits of x: rounding errors of H, as it varies by squares of distances only.
     fn noise(&self, x: &[f64]) -> f64 {
-        const SHIFTS: [f64; 4] = [1.0, -2.0, 3.0, -4.0];
         let mut r = vec![0.0; self.w.len()];
         self.residual(x, &mut r);
         let centre = dot(&self.w, &r);
         let mut noise = 0.0f64;
-        for (k, shift) in SHIFTS.into_iter().enumerate() {
-            let alternate = |j: usize| if (j >> k) & 1 == 0 { shift } else { -shift };
-            let moved = (x.iter().enumerate()).map(|(j, x)| x * (1.0 + alternate(j) * f64::EPSILON));
+        for k in 0..4 {
+            let bits = |j: usize| (8.0 * centred(j + 1 + k * x.len(), k % 2 == 1)).round();
+            let moved = (x.iter().enumerate()).map(|(j, x)| x * (1.0 + bits(j) * f64::EPSILON));
             self.residual(&moved.collect::<Vec<_>>(), &mut r);
             noise = noise.max((dot(&self.w, &r) - centre).abs());
         }

@@ -168,8 +168,7 @@ impl Curve<'_> {
     /// Moves `next` to a branch point if the curve leads there: corrected points ever nearer, with the orientation of `here` and
     /// tangents that turn little.
     fn arrive_at(&mut self, found: &Singular) -> Result<Result<(), Unresolved>, ContinuationError> {
-        const HALF: f64 = 0.5;
-        const SHARES: [f64; 4] = [HALF, 0.9, 0.99, 0.999];
+        const SHARES: [f64; 4] = [0.5, 0.9, 0.99, 0.999];
         const RATIO: f64 = 2.0;
         if !found.on_curve {
             return Ok(Err(Unresolved::Crossing));
@@ -186,7 +185,7 @@ impl Curve<'_> {
         let (mut state, mut before) = (target.clone(), (0.0, self.here.t.clone()));
         for share in SHARES {
             // No other one may lie before or beyond it.
-            let find = match share == HALF {
+            let find = match share == SHARES[0] {
                 true => Find::Decline(target.s),
                 false => Find::Tangent,
             };
@@ -199,7 +198,7 @@ impl Curve<'_> {
             if !near || turned || dot(&state.t, &before.1) < self.setup.options.min_cos {
                 return Ok(Err(Unresolved::Crossing));
             }
-            if share == HALF && measured && state.decline.is_some_and(|d| !(0.0..=most).contains(&(d * left)))
+            if share == SHARES[0] && measured && state.decline.is_some_and(|d| !(0.0..=most).contains(&(d * left)))
             {
                 return Ok(Err(Unresolved::Crossing));
             }
