@@ -139,20 +139,6 @@ impl Curve<'_> {
         }
     }
 
-    /// A bound of the parameter that the step reaches at a singular point, within rounding, is that point: next to it nothing tells on which
-    /// side of it the step ends, nor the tangent.
-    pub(in crate::continuation) fn singular_point_on_bound(&mut self) -> Result<bool, ContinuationError> {
-        let beyond = self.next.clone();
-        let Some(found) = self.singular_near(&beyond.x)? else {
-            return Ok(false);
-        };
-        let size = 1.0 + norm(&beyond.x);
-        let moved = found.x.iter().zip(&beyond.x).map(|(a, b)| (a - b).abs());
-        let on_bound = moved.last().is_some_and(|alpha| alpha <= LOCATED * size);
-        let near = on_bound && distance(&found.x, &beyond.x) <= NEARLY * size;
-        Ok(near && self.is_between(&found.x, &beyond) && self.arrive_at(&found)?.is_ok())
-    }
-
     /// Whether x lies near the segment from `here` to `beyond`, whose end counts; not if it is `here`, a branch point that the curve has
     /// just left.
     fn is_between(&self, x: &[f64], beyond: &State) -> bool {
@@ -198,7 +184,9 @@ impl Curve<'_> {
             if !near || turned || dot(&state.t, &before.1) < self.setup.options.min_cos {
                 return Ok(Err(Unresolved::Crossing));
             }
-            if share == SHARES[0] && measured && state.decline.is_some_and(|d| !(0.0..=most).contains(&(d * left)))
+            if share == SHARES[0]
+                && measured
+                && state.decline.is_some_and(|d| !(0.0..=most).contains(&(d * left)))
             {
                 return Ok(Err(Unresolved::Crossing));
             }

@@ -53,14 +53,7 @@ impl Curve<'_> {
     fn event_inside(&mut self) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
         let first = self.first_event()?;
         let Ok(event) = first else { return Ok(first) };
-        let on_bound = matches!(event, Some(Monitor::Parameter { last: true, .. }));
-        let met = |d| Self::is_within_rounding(d, &self.next.x);
-        let singular_there = self.here.orientation.is_some()
-            && (self.next.orientation.is_none() || self.next.decline.is_some_and(met));
         let unseen = self.passes_unseen(event) && (!self.refine_declines()? || self.passes_unseen(event));
-        if on_bound && (singular_there || unseen) && self.singular_point_on_bound()? {
-            return Ok(Ok(Some(Monitor::Singular)));
-        }
         Ok(match unseen {
             true => Err(Unresolved::Crossing),
             false => first,
