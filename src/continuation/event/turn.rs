@@ -345,11 +345,14 @@ impl Curve<'_> {
             // The tangent of arrival is extrapolated: that of the arm is known better.
             self.here.t = incoming.tangent.iter().map(|t| -t).collect();
         }
+        let recognised = incoming.is_some();
         let arrival = incoming.unwrap_or_else(|| self.arm_behind(self.direction_here()));
         let grazing = self.point_here(PointKind::Step, 0).grazing;
         let straight = Arm::along(self.path.selection.clone(), self.here.t.clone(), grazing, None);
         let nearest = self.straightest(&arms.list, &arrival);
-        if arms.complete
+        // With the arm of arrival there are two, on one side of α*: a cusp.
+        if recognised
+            && arms.complete
             && let [arm] = arms.list.as_slice()
             && arm.direction == arrival.direction
         {
