@@ -365,11 +365,14 @@ impl Curve<'_> {
             Some(k) => {
                 // The followed selection is kept: it is regular, or its curve is the one that is followed.
                 arms.list[k].selection = straight.selection;
-                k
+                Some(k)
             }
+            // All arms are known, and none goes straight on.
+            None if recognised && arms.complete => None,
             None => {
+                arms.complete = false;
                 arms.list.insert(0, straight);
-                0
+                Some(0)
             }
         };
         let event = BranchPoint {
@@ -377,10 +380,17 @@ impl Curve<'_> {
             singular,
             arms: arms.list.clone(),
             arrival,
-            followed: Some(k),
+            followed: k,
             complete: arms.complete,
         };
         self.emit(Event::BranchPoint(event));
+        let Some(k) = k else {
+            self.told.termination = Some(match arms.list.is_empty() {
+                true => Termination::End,
+                false => Termination::Branching,
+            });
+            return Ok(());
+        };
         let mut watched = std::mem::take(&mut self.path.coactive);
         self.adopt(&arms.list[k], &vanishing)?;
         if !arms.list[k].probe.is_empty() {
