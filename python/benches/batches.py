@@ -1,12 +1,15 @@
 """Batches of linear complementarity problems (n = 20, random, definite) against loops over the members.
 
-python -B batches.py [MEMBERS]: a line for one and for all cores, and for each loop that can be run here, of a hundredth of the members at
-most. `SEMISMOOTH_NUM_THREADS` sets the number of threads of a batch.
+python -B batches.py [MEMBERS [TWIN]]: lines for one and for all cores, and for each loop that can be run here, of a hundredth of the
+members at most. TWIN is the batch without Python (`cargo build --release --example batch_twin`). Beside the time that passes stands
+that of the processors, which other programs on the machine disturb less. `SEMISMOOTH_NUM_THREADS` sets the number of threads of a batch.
 """
 
 import os
+import pathlib
 import subprocess
 import sys
+import tempfile
 import time
 
 import numpy as np
@@ -21,24 +24,44 @@ def problems(members):
 
 
 def seconds(work):
-    start = time.perf_counter()
+    """The time that passes, and that of all processors."""
+    start, own = time.perf_counter(), time.process_time()
     work()
-    return time.perf_counter() - start
+    return np.array([time.perf_counter() - start, time.process_time() - own])
 
 
-def of_threads(members):
-    """The time of a batch in this process."""
+def of_threads(folder, members):
+    """The least times of a batch in this process."""
     import semismooth as ss
 
-    M, q = problems(members)
+    M, q = (np.load(pathlib.Path(folder, name)) for name in ["M.npy", "q.npy"])
     ss.solve_lcp(M[:100], q[:100])
     found = []
-    print(min(seconds(lambda: found.append(ss.solve_lcp(M, q))) for _ in range(3)))
+    print(*np.min([seconds(lambda: found.append(ss.solve_lcp(M, q))) for _ in range(3)], axis=0))
     assert found[0].solved.all()
 
 
-def line(name, time_of_one):
-    print(f"{name:44} {1e6 * time_of_one:8.1f} µs")
+def line(name, times_of_one):
+    print(f"{name:44} {1e6 * times_of_one[0]:8.1f} µs, of the processors {1e6 * times_of_one[1]:8.1f} µs")
+
+
+def batches(members, twin):
+    with tempfile.TemporaryDirectory() as folder:
+        M, q = problems(members)
+        np.save(pathlib.Path(folder, "M.npy"), M)
+        np.save(pathlib.Path(folder, "q.npy"), q)
+        both = pathlib.Path(folder, "M and q")
+        with both.open("wb") as file:
+            M.tofile(file)
+            q.tofile(file)
+        for threads in [1, os.cpu_count()]:
+            environment = {**os.environ, "SEMISMOOTH_NUM_THREADS": str(threads)}
+            commands = {"semismooth, a batch": [sys.executable, "-B", __file__, "threads", folder, str(members)]}
+            if twin:
+                commands["the same without Python"] = [twin, both, str(members), str(threads)]
+            for name, command in commands.items():
+                run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+                line(f"{name}, {threads} thread(s)", np.array(run.stdout.split(), float) / members)
 
 
 def loops(members):
@@ -66,12 +89,8 @@ def loops(members):
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["threads"]:
-        of_threads(int(sys.argv[2]))
+        of_threads(sys.argv[2], int(sys.argv[3]))
     else:
         members = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
-        for threads in [1, os.cpu_count()]:
-            environment = {**os.environ, "SEMISMOOTH_NUM_THREADS": str(threads)}
-            command = [sys.executable, "-B", __file__, "threads", str(members)]
-            run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-            line(f"semismooth, a batch, {threads} thread(s)", float(run.stdout) / members)
+        batches(members, sys.argv[2] if len(sys.argv) > 2 else None)
         loops(members)

@@ -66,6 +66,8 @@ impl fmt::Display for Directional {
 pub(super) struct Branch {
     pub(super) selection: Selection,
     pub(super) rate: Vec<f64>,
+    /// How far roundings may have moved each component of the rate.
+    errors: Vec<f64>,
     /// How far the direction points into the cell of the selection: the least rate of a test function
     /// relative to its terms.
     margin: f64,
@@ -183,6 +185,9 @@ impl Solved {
             }
             other => other?,
         };
+        let known = element.known(rate, delta).map_err(PiecewiseError::from)?;
+        let (rate, widths) = (known.value, known.widths.into_iter().zip(known.floors));
+        let errors: Vec<f64> = widths.map(|(a, b)| a.max(b)).collect();
         let mut d = rate.clone();
         d.extend(delta);
         let mut margin = f64::INFINITY;
@@ -190,24 +195,26 @@ impl Solved {
             for facet in map.cell(site, selection.piece(site)) {
                 let index = self.layout.range(site).start + facet.test();
                 if active.vanishing().binary_search(&index).is_ok() {
-                    margin = margin.min(facet.sign() * self.relative_rate(map, &selection, index, &d));
+                    margin = margin.min(facet.sign() * self.relative_rate(map, &selection, index, (&d, &errors)));
                 }
             }
         }
         Ok(Branch {
             selection,
             rate,
+            errors,
             margin,
         })
     }
 
-    /// The rate of a vanishing test function along d against the sum of its terms; 0 where it has none.
+    /// The rate of a vanishing test function along d against the sum of its terms; 0 where it has none, or no more than the errors of the
+    /// first components of d explain.
     fn relative_rate(
         &self,
         map: &dyn PiecewiseSmooth,
         selection: &Selection,
         index: usize,
-        d: &[f64],
+        (d, errors): (&[f64], &[f64]),
     ) -> f64 {
         let position = self.active.vanishing().binary_search(&index);
         let Some(test) = position.ok().and_then(|k| self.vanishing.get(k)) else {
@@ -219,7 +226,8 @@ impl Solved {
         let gradient = &own.as_ref().unwrap_or(test).gradient;
         let terms = gradient.iter().zip(d).map(|(g, d)| g * d);
         let (sum, size) = terms.fold((0.0, 0.0), |(sum, size), t| (sum + t, size + t.abs()));
-        if size > 0.0 { sum / size } else { 0.0 }
+        let error: f64 = gradient.iter().zip(errors).map(|(g, e)| (g * e).abs()).sum();
+        if sum.abs() > error { sum / size } else { 0.0 }
     }
 
     /// The selections active along x + s v, θ + s δ for small s > 0, where a branch leaves, and test
@@ -235,7 +243,7 @@ impl Solved {
         d.extend(delta);
         let mut vanishing = Vec::new();
         for &index in active.vanishing() {
-            let rate = self.relative_rate(map, &branch.selection, index, &d);
+            let rate = self.relative_rate(map, &branch.selection, index, (&d, &branch.errors));
             if rate.abs() <= TANGENTIAL {
                 vanishing.push(index);
             } else {

@@ -9,16 +9,16 @@ use super::random::Random;
 
 /// A fraction with a positive denominator.
 #[derive(Clone, Copy, Debug)]
-struct Fraction(i128, i128);
+pub(super) struct Fraction(pub(super) i128, pub(super) i128);
 
 impl Fraction {
-    fn value(self) -> f64 {
+    pub(super) fn value(self) -> f64 {
         self.0 as f64 / self.1 as f64
     }
 }
 
 /// The determinant of a matrix of integers (Bareiss 1968).
-fn determinant(rows: &[Vec<i128>]) -> i128 {
+pub(super) fn determinant(rows: &[Vec<i128>]) -> i128 {
     let mut a = rows.to_vec();
     let n = a.len();
     let (mut sign, mut last) = (1, 1);

@@ -14,6 +14,7 @@ mod kinks;
 mod nested;
 mod parameters;
 mod ranges;
+mod rational;
 mod smooth;
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
