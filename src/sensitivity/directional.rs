@@ -140,7 +140,11 @@ impl Solved {
             };
             let is_known = |b: &Branch| {
                 let largest = max_abs(&b.rate).max(max_abs(&found.rate));
-                (b.rate.iter().zip(&found.rate)).all(|(a, b)| (a - b).abs() <= HALF_DIGITS * largest)
+                let mut errors = b.errors.iter().zip(&found.errors).map(|(a, b)| a + b);
+                let near = |(a, b): (&f64, &f64)| {
+                    (a - b).abs() <= (HALF_DIGITS * largest).max(errors.next().unwrap_or(0.0))
+                };
+                b.rate.iter().zip(&found.rate).all(near)
             };
             if found.margin >= -TANGENTIAL && !list.iter().any(is_known) {
                 list.push(found);
@@ -195,7 +199,8 @@ impl Solved {
             for facet in map.cell(site, selection.piece(site)) {
                 let index = self.layout.range(site).start + facet.test();
                 if active.vanishing().binary_search(&index).is_ok() {
-                    margin = margin.min(facet.sign() * self.relative_rate(map, &selection, index, (&d, &errors)));
+                    margin =
+                        margin.min(facet.sign() * self.relative_rate(map, &selection, index, (&d, &errors)));
                 }
             }
         }
