@@ -206,3 +206,13 @@ fn kinks_of_the_function_of_a_complementarity_problem_count() {
     assert!(semismooth::parametric_mcp(1, |x, p| vec![x[0] - p[0]], &[1.0], &[0.0]).is_err());
     assert!(semismooth::parametric_mcp(1, |x, p| vec![x[0], p[0]], &[1.0], &free).is_err());
 }
+
+/// 0.3 − 0.1 − 0.2 is rounding, −3e-17: a kink in a parameter alone, which no unknown's rounding hides.
+#[test]
+fn rounding_of_parameters_counts() {
+    let map = parametric(1, 1, |x, p| vec![x[0] - (p[0] - 0.1 - 0.2).max(0.0)]);
+    let mut found = Sensitivity::new(map, &[0.0], &[0.3]).unwrap();
+    assert_eq!(found.differentiable().unwrap().known(), Some(false));
+    assert!((found.jvp(&[1.0]).unwrap()[0] - 1.0).abs() < 1e-15);
+    assert_eq!(found.jvp(&[-1.0]).unwrap(), [0.0]);
+}

@@ -137,3 +137,31 @@ fn families_hold_up_to_the_first_kink_of_their_solutions() {
         "{until}"
     );
 }
+
+/// A gap of (s − 0.3)² − 1/1000 is open at the ends of the horizon and halfway, and closed between.
+#[test]
+fn families_meet_what_happens_between_the_points_computed() {
+    let dip = |s: f64| {
+        let gap = (s - 0.3).powi(2) - 1e-3;
+        let map = parametric(1, 1, move |x, p| vec![x[0] - (p[0] - gap).max(0.0)]);
+        Ok::<_, SensitivityError>((map, vec![0.0]))
+    };
+    let until = valid_along(dip, &[0.0], 1.0).unwrap();
+    let exact = 0.3 - 1e-3_f64.sqrt();
+    assert!(
+        matches!(until, Validity::Followed(s) if (s - exact).abs() < 2e-9),
+        "{until} {exact}"
+    );
+}
+
+/// x = 1/(1 − p) goes to infinity, before the horizon of the search.
+#[test]
+fn curves_that_go_to_infinity_are_lost_where_they_do() {
+    let map = parametric(1, 1, |x, p| vec![x[0] * (1.0 - p[0]) - 1.0]);
+    let mut found = Sensitivity::new(map, &[1.0], &[0.0]).unwrap();
+    let until = found.valid_until(&[1.0], 2.0).unwrap();
+    assert!(
+        matches!(until, Validity::Lost(s, _) if s > 0.9 && s <= 1.0),
+        "{until}"
+    );
+}

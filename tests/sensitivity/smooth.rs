@@ -165,3 +165,23 @@ fn large_parameters_do_not_hide_wrong_points() {
     let slope = found.jvp(&[1e11]).unwrap()[0];
     assert!((slope - 0.5 / root).abs() < 1e-14);
 }
+
+/// A point that is off by 1e-6 is corrected until rounding, and the margin is that of the nearest of two kinks.
+#[test]
+fn points_are_corrected_and_the_nearest_kink_counts() {
+    let root = parametric(1, 1, |x, p| vec![x[0] * x[0] - p[0]]);
+    let found = Sensitivity::new(root, &[1.0 + 1e-6], &[1.0]).unwrap();
+    assert!((found.x()[0] - 1.0).abs() < 1e-15, "{}", found.x()[0]);
+
+    let margin = |far: f64| {
+        let map = parametric(1, 1, move |x, p| vec![x[0] - p[0].max(-1.0) - p[0].max(far)]);
+        let mut found = Sensitivity::new(map, &[1.0], &[0.5]).unwrap();
+        match found.differentiable().unwrap() {
+            Differentiability::Yes { margin } => margin,
+            other => panic!("{other}"),
+        }
+    };
+    // The tests are 1.5 and 1000.5; what rounding may hide is the same.
+    let [near, both] = [-1.0, -1000.0].map(margin);
+    assert!(both >= near / 4.0 && both <= 4.0 * near, "{near} {both}");
+}
