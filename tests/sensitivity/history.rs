@@ -102,10 +102,7 @@ fn levels_have_parameters_of_their_own_and_kinks_have_sides() {
     let problem = one_node(FrictionCoefficient::constant(0.25).unwrap());
     // A load along t at the level alone; two levels, two parameters.
     let at = |level: usize| {
-        let entries: Vec<_> = (0..3)
-            .map(|j| (1, j, if j == level { 1.0 } else { 0.0 }))
-            .collect();
-        let loads = Matrix::from_triplets(2, 3, &entries).unwrap();
+        let loads = Matrix::from_triplets(2, 3, &[(1, level, 1.0)]).unwrap();
         problem.parameters().with_loads(&loads).unwrap()
     };
     let parameters: Vec<_> = (0..3).map(at).collect();
@@ -127,6 +124,42 @@ fn levels_have_parameters_of_their_own_and_kinks_have_sides() {
     assert!(rate([0.0, 1.0, 0.0]).abs() < 1e-12 && (rate([0.0, -1.0, 0.0]) + 1.0).abs() < 1e-12);
     let refused = history.vjp(&[0.0, 1.0], &[0.0, 0.0]).unwrap_err();
     assert_eq!(refused, ContactError::from(SensitivityError::NotDifferentiable));
+}
+
+/// A kink on the way counts, though the last level is none: at α = 1/4 the node is at its limit, at α = 2 it slips.
+#[test]
+fn kinks_of_earlier_levels_count() {
+    let problem = one_node(FrictionCoefficient::constant(0.25).unwrap());
+    let loads = problem.parameters().with_loads(&Matrix::identity(2)).unwrap();
+    let states = [vec![1.0, 0.0, 0.0], vec![1.0, 0.25, 0.25], vec![1.0, 0.25, 2.0]];
+    let parameters = [loads.clone(), loads.clone(), loads];
+    let history = problem.history_sensitivity(&states, &parameters).unwrap();
+    assert_eq!(history.differentiable().unwrap(), None);
+    assert!(history.vjp(&[0.0, 1.0], &[0.0, 0.0]).is_err());
+    let firm = [states[0].clone(), vec![1.0, 0.125, 0.125], states[2].clone()];
+    let history = problem.history_sensitivity(&firm, &parameters).unwrap();
+    assert_eq!(history.differentiable().unwrap(), Some(true));
+}
+
+/// Parameters of the body are known at the solution alone: which of them a range is refused for is told by its number, α counted, and
+/// one that moves nothing is no mistake.
+#[test]
+fn ranges_of_the_body_are_refused_by_number() {
+    let problem = one_node(FrictionCoefficient::constant(0.25).unwrap());
+    let load = Matrix::from_triplets(2, 1, &[(1, 0, 1.0)]).unwrap();
+    let columns = Matrix::from_triplets(2, 2, &[(1, 1, 1.0)]).unwrap();
+    let parameters = (problem.parameters().with_loads(&load).unwrap())
+        .with_body(&columns, None)
+        .unwrap()
+        .with_alpha();
+    let mut found = problem.sensitivity(&[1.0, 0.125, 0.125], &parameters).unwrap();
+    assert_eq!(found.jvp(&[0.0, 0.0, 1.0, 0.0]).unwrap().forces, [0.0; 2]);
+    // λt = α + θ reaches 1/4.
+    for delta in [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]] {
+        assert!((found.valid_until(&delta, 1.0).unwrap().until() - 0.125).abs() < 1e-12);
+    }
+    let refused = found.valid_until(&[0.0, 0.0, 0.0, 1.0], 1.0);
+    assert_eq!(refused, Err(SensitivityError::AtSolution { parameter: 3 }));
 }
 
 /// Slip-dependent friction has history variables, whose rates are not known.

@@ -13,7 +13,7 @@ use semismooth::fem::{
     PlaneModel,
 };
 use semismooth::interface::View;
-use semismooth::sensitivity::{SensitivityError, Validity, valid_along};
+use semismooth::sensitivity::{Differentiability, SensitivityError, Validity, valid_along};
 use semismooth::sparse::{Matrix, NodalMatrix};
 
 use super::dot;
@@ -177,13 +177,15 @@ impl Data {
     }
 
     pub fn law(&self, second: bool) -> Law {
-        let mut friction = FrictionCoefficient::nodal(self.friction.clone()).unwrap();
+        // It grows with α, faster at some nodes than at others.
+        let slopes = (0..self.friction.len()).map(|i| 0.01 * (1 + i % 3) as f64).collect();
+        let mut friction = FrictionCoefficient::affine(self.friction.clone(), slopes).unwrap();
         if second {
             friction = friction.with_second(vec![1.0; self.friction.len()]).unwrap();
         }
         match self.dim() {
             2 => Arc::new(PlanarCoulomb::new(friction)),
-            _ => Arc::new(OrthotropicCoulomb::isotropic(friction)),
+            _ => Arc::new(OrthotropicCoulomb::new(friction.clone(), friction.times(1.25))),
         }
     }
 
@@ -393,10 +395,17 @@ fn displacements_alone() {
         let x = condensed.solve(data.alpha, None).unwrap();
         let y = condensed.expand(&x).unwrap();
         let (parameters, firsts) = data.parameters(condensed.parameters(), &y);
-        let mut expected = condensed.sensitivity(&x, &parameters).unwrap();
-
         let mut problem = data.reduced();
         let n = problem.body().num_displacements();
+        // Two further ones move the traces alone, tangential ones, too.
+        let random = &mut Random::new(5);
+        let traces = y.len() - 1 - n;
+        let moved = [random.vector(traces, 1.0), random.vector(traces, 1.0)];
+        let moved = Matrix::from_triplets(traces, 2, &entries(&moved)).unwrap();
+        let none = Matrix::from_triplets(n, 2, &[]).unwrap();
+        let parameters = parameters.with_body(&none, Some(&moved)).unwrap();
+        let mut expected = condensed.sensitivity(&x, &parameters).unwrap();
+
         let u = problem.solve(data.alpha, Some(&y[..n])).unwrap().displacements;
         let mut found = problem.sensitivity(data.alpha, &u, &parameters).unwrap();
         assert_eq!(
@@ -406,7 +415,12 @@ fn displacements_alone() {
             found.margin()
         );
         let random = &mut Random::new(6);
-        for (kind, delta) in directions(&firsts, random).iter().enumerate() {
+        let mut all_directions = directions(&firsts, random);
+        all_directions.iter_mut().for_each(|delta| delta.extend([0.0; 2]));
+        let mut last = vec![0.0; firsts[7]];
+        last.extend([1.0, -0.5]);
+        all_directions.push(last);
+        for (kind, delta) in all_directions.iter().enumerate() {
             let change = found.jvp(delta).unwrap();
             let rate = [change.displacements, change.forces].concat();
             close(
@@ -449,9 +463,21 @@ fn transitions_in_displacements_alone() {
             let mut problem = data.reduced();
             let n = problem.body().num_displacements();
             let mut found = problem.sensitivity(alpha, &y[..n], &parameters).unwrap();
-            let said = found.differentiable().unwrap().known();
-            assert_eq!(said, expected.differentiable().unwrap().known());
-            kinds.push(said);
+            let said = found.differentiable().unwrap();
+            assert_eq!(said.known(), expected.differentiable().unwrap().known());
+            if let Differentiability::No {
+                direction,
+                forward,
+                backward,
+            } = &said
+            {
+                let opposite: Vec<f64> = direction.iter().map(|d| -d).collect();
+                for (delta, side) in [(direction, forward), (&opposite, backward)] {
+                    let own = expected.jvp(delta).unwrap().displacements;
+                    close(side, &own, 1e-7, "a side of what is not differentiable");
+                }
+            }
+            kinds.push(said.known());
             let random = &mut Random::new(7);
             for delta in directions(&firsts, random) {
                 for sign in [1.0, -1.0] {
