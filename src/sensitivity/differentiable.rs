@@ -175,6 +175,6 @@ impl Solved {
     fn sided(&self, map: &dyn PiecewiseSmooth, delta: &[f64]) -> Result<Known, SensitivityError> {
         let branch = self.branch(map, &self.active, delta)?;
         let mut element = super::Element::new(map, &self.at, &branch.selection)?;
-        Ok(element.known(branch.rate, delta)?)
+        element.known_at(map, &self.at, branch.rate, delta)
     }
 }

@@ -189,7 +189,7 @@ impl Solved {
             }
             other => other?,
         };
-        let known = element.known(rate, delta).map_err(PiecewiseError::from)?;
+        let known = element.known_at(map, &self.at, rate, delta)?;
         let (rate, widths) = (known.value, known.widths.into_iter().zip(known.floors));
         let errors: Vec<f64> = widths.map(|(a, b)| a.max(b)).collect();
         let mut d = rate.clone();

@@ -119,6 +119,37 @@ impl Element {
     pub(super) fn known(&mut self, v: Vec<f64>, delta: &[f64]) -> Result<Known, LinearError> {
         Known::new(&self.jacobian, &mut self.solver, v, delta)
     }
+
+    /// The same with the roundings of the derivatives themselves, whose terms may cancel: by how much they differ in the last bits of (x, θ).
+    pub(super) fn known_at(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
+        at: &[f64],
+        v: Vec<f64>,
+        delta: &[f64],
+    ) -> Result<Known, SensitivityError> {
+        let mut d = v.clone();
+        d.extend(delta);
+        let mut known = self.known(v, delta)?;
+        let (mut beside, mut spread) = (self.jacobian.clone(), Random::new(2));
+        let mut terms = vec![0.0_f64; self.jacobian.nrows()];
+        for _ in 0..PROBES {
+            let moved: Vec<f64> = at
+                .iter()
+                .map(|x| x + VALUE.copysign(spread.symmetric()) * x)
+                .collect();
+            derivatives(map, &moved, &self.selection, &mut beside)?;
+            let mut apart = vec![0.0; terms.len()];
+            beside.as_ref().mul_add(1.0, &d, &mut apart);
+            self.jacobian.as_ref().mul_add(-1.0, &d, &mut apart);
+            terms.iter_mut().zip(apart).for_each(|(t, a)| *t = t.max(a.abs()));
+        }
+        terms.iter_mut().for_each(|t| *t /= VALUE);
+        for (width, own) in known.widths.iter_mut().zip(moved(&mut self.solver, &terms)?) {
+            *width += own;
+        }
+        Ok(known)
+    }
 }
 
 /// A vector with what is known of the errors of its components.
