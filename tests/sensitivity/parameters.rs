@@ -178,7 +178,9 @@ impl Data {
 
     pub fn law(&self, second: bool) -> Law {
         // It grows with α, faster at some nodes than at others.
-        let slopes = (0..self.friction.len()).map(|i| 0.01 * (1 + i % 3) as f64).collect();
+        let slopes = (0..self.friction.len())
+            .map(|i| 0.01 * (1 + i % 3) as f64)
+            .collect();
         let mut friction = FrictionCoefficient::affine(self.friction.clone(), slopes).unwrap();
         if second {
             friction = friction.with_second(vec![1.0; self.friction.len()]).unwrap();

@@ -148,7 +148,22 @@ impl Problem {
             };
             self.q[0][i] = w - times(&self.m[0][i], &self.x);
         }
+        if self.primal.is_none() && random.below(4) == 0 {
+            self.flatten(random);
+        }
         self
+    }
+
+    /// With q₁, … for which degenerate components stay at their kinks to first order, as others move.
+    fn flatten(&mut self, random: &mut Random) {
+        for k in 1..=K {
+            let moves = |p: &Place| matches!(p, Place::Between | Place::Free);
+            let rate = |p: &Place| if moves(p) { integer(random, 2) } else { 0 };
+            let v: Vec<i128> = self.places.iter().map(rate).collect();
+            for i in 0..v.len() {
+                self.q[k][i] = -times(&self.m[0][i], &v) - times(&self.m[k][i], &self.x);
+            }
+        }
     }
 
     fn len(&self) -> usize {
