@@ -385,8 +385,8 @@ fn facets_met_at_branch_points_are_located_to_rounding() {
 fn curves_that_touch_a_kink_and_another_curve_go_on() {
     let map = || {
         semismooth::piecewise::Traced::new(semismooth::piecewise::Formula::new(2, |x| {
-            let square = x[1].clone() * x[1].clone();
-            vec![x[0].clone() - 1.5 * square.clone() - 2.0 * (x[0].clone() - square).min(0.0)]
+            let square = x[1] * x[1];
+            vec![x[0] - 1.5 * square - 2.0 * (x[0] - square).min(0.0)]
         }))
     };
     for height in [1.5, 0.5] {

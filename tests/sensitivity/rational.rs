@@ -402,7 +402,7 @@ impl SmoothFunction for InFloats {
             *out = T::from(0.0);
             for (k, (m, q)) in self.m.iter().zip(&self.q).enumerate() {
                 let sum = (0..n).fold(T::from(q[i]), |sum, j| sum + x[j] * m[i][j]);
-                *out = *out + if k == 0 { sum } else { sum * x[n + k - 1] };
+                *out += if k == 0 { sum } else { sum * x[n + k - 1] };
             }
         }
     }
