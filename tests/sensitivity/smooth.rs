@@ -183,5 +183,8 @@ fn points_are_corrected_and_the_nearest_kink_counts() {
     };
     // The tests are 1.5 and 1000.5; what rounding may hide is the same.
     let [near, both] = [-1.0, -1000.0].map(margin);
-    assert!(both >= near / 4.0 && both <= 4.0 * near && near.is_finite(), "{near} {both}");
+    assert!(
+        both >= near / 4.0 && both <= 4.0 * near && near.is_finite(),
+        "{near} {both}"
+    );
 }
