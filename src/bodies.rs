@@ -89,7 +89,7 @@ pub fn contact_problem<L: NodeLaw>(
     law: L,
     form: ContactForm,
 ) -> Result<ContactProblem<L>, ContactError> {
-    let nodal = rows.is_nodal(system);
+    let nodal = rows.has_own_nodes(system);
     Ok(match form.suited(system.mesh().dim(), system.num_free(), nodal) {
         ContactForm::Displacements => {
             let body = reduced_body(system, rows, load)?;

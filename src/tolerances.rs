@@ -58,6 +58,10 @@ pub(crate) const RADIUS: f64 = 1e12;
 /// same for α, along which curves are then vertical.
 pub(crate) const TANGENTIAL: f64 = 1e-9;
 
+/// Least coefficient of a contact node in its own row: its displacement follows from that row with no more than twice its rounding
+/// (`two_bodies_have_one_solution_in_all_forms` of tests/contact).
+pub(crate) const OWN_SHARE: f64 = 0.5;
+
 /// Difference of two unit directions below which they may be one, and component of one below which it has no
 /// sign: they are found at points known to half of the digits.
 pub(crate) const DIRECTION: f64 = 1e-7;

@@ -192,7 +192,7 @@ impl ContactProblem {
         let shifted = shifted(picked.as_ref(), dim, rows.areas.len())?;
         let law = law(picked.as_ref(), dim, &rows.areas)?;
         let compliance = Compliance::new(stiffness, &rows.areas)?;
-        let nodal = compliance.is_none() && rows.is_nodal(system);
+        let nodal = compliance.is_none() && rows.has_own_nodes(system);
         let wanted = wanted.suited(dim, system.num_free(), nodal);
         if wanted == ContactForm::Displacements && compliance.is_some() {
             return Err(PyValueError::new_err(

@@ -141,9 +141,9 @@ pub enum ContactError {
         /// Why.
         source: Cause,
     },
-    /// Traces that are not those of single nodes along orthonormal directions, which contact in the displacements alone requires.
+    /// Traces without a node of their own, or along directions that are not orthonormal: contact in the displacements alone requires both.
     #[error(
-        "the traces of contact node {node} are {what}; contact in the displacements alone needs orthonormal traces of one node each: use the condensed form"
+        "the traces of contact node {node} are {what}; contact in the displacements alone needs orthonormal traces in which one node, which no other contact node has, has a share of a half at least: use the condensed form"
     )]
     NotNodal {
         /// The contact node, from 0.

@@ -29,7 +29,8 @@ pub enum ContactForm {
 impl ContactForm {
     /// The form for a body of `dim` dimensions, 2 or 3, with this number of free displacements: what `Auto` stands for, any other form
     /// unchanged. `Auto` is `Displacements` for solids of more than 6 000 free displacements and for plane bodies of more than 3 000 000,
-    /// if each contact node is one node of the mesh (`nodal`), as the form needs; else `Condensed`.
+    /// if each contact node has a node of the mesh to itself (`nodal`:
+    /// [`ContactRows::has_own_nodes`](crate::fem::ContactRows::has_own_nodes)), as the form needs; else `Condensed`.
     ///
     /// ```
     /// use semismooth::contact::ContactForm;

@@ -7,7 +7,7 @@ use super::vectors::{by_position, cross, dot, norm};
 use super::{ElasticSystem, FemError};
 use crate::input::check_length;
 use crate::interface::LoadCase;
-use crate::sparse::Matrix;
+use crate::sparse::{Matrix, own_nodes};
 
 /// Message for normals that point into the body at all nodes.
 pub(super) const INWARD: &str = "its ν, like that of all others, points into the body: the normal of a plane foundation points to the \
@@ -159,18 +159,23 @@ impl ContactRows {
     /// patches. Between two bodies it is not.
     #[must_use]
     pub fn is_nodal(&self, system: &ElasticSystem) -> bool {
-        let dim = system.mesh().dim();
-        let mut node_of = vec![usize::MAX; system.num_free()];
-        for (node, component) in (0..system.mesh().num_nodes()).flat_map(|n| (0..dim).map(move |d| (n, d))) {
-            if let Some(unknown) = system.dof(node, component) {
-                node_of[unknown] = node;
-            }
-        }
+        let node_of = nodes_of(system);
         let mut rows = std::iter::once(&self.normal).chain(&self.tangential);
         rows.all(|m| {
             m.triplets()
                 .all(|(row, column, v)| v == 0.0 || node_of.get(column) == self.nodes.get(row))
         })
+    }
+
+    /// Whether each contact node is one node of the mesh with a share of at least a half in its rows, which is in no other row: what contact
+    /// in the displacements alone ([`ReducedBody`](crate::contact::ReducedBody)) needs. So it is on foundations, and between two bodies with
+    /// facets of first order.
+    #[must_use]
+    pub fn has_own_nodes(&self, system: &ElasticSystem) -> bool {
+        let node_of = nodes_of(system);
+        let traces: Vec<&Matrix> = std::iter::once(&self.normal).chain(&self.tangential).collect();
+        let known = traces.iter().all(|m| m.ncols() == node_of.len());
+        known && own_nodes(&traces, |k| node_of[k], system.mesh().num_nodes()).is_ok()
     }
 
     /// Number of contact nodes with a held tangent.
@@ -451,4 +456,16 @@ pub(super) fn unit(node: usize, dim: usize, mut v: [f64; 3], what: &str) -> Resu
             what: what.into(),
         })
     }
+}
+
+/// The node of each free displacement.
+fn nodes_of(system: &ElasticSystem) -> Vec<usize> {
+    let dim = system.mesh().dim();
+    let mut node_of = vec![usize::MAX; system.num_free()];
+    for (node, component) in (0..system.mesh().num_nodes()).flat_map(|n| (0..dim).map(move |d| (n, d))) {
+        if let Some(unknown) = system.dof(node, component) {
+            node_of[unknown] = node;
+        }
+    }
+    node_of
 }

@@ -27,7 +27,7 @@ pub use matrix_market::{
     parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
 };
 pub use nodal::NodalMatrix;
-pub(crate) use nodal::{NodalBlocks, check_nodes};
+pub(crate) use nodal::{NodalBlocks, check_nodes, own_nodes};
 pub use pattern::{Pattern, PatternRef};
 pub(crate) use rigid::{Place, Resistance, pieces};
 pub use substructure::{Substructure, parse_substructure, read_substructure};

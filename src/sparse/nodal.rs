@@ -1,6 +1,9 @@
+use std::collections::BTreeMap;
+
 use super::blocks::{Blocks, Symmetric};
 use super::{Matrix, Pattern};
 use crate::InputError;
+use crate::tolerances::{NONE, OWN_SHARE, SAME};
 
 /// A symmetric matrix of displacements, stored in blocks of 2 × 2 (in the plane) or 3 × 3 entries (in space) for each pair of coupled
 /// nodes, with the positions of the nodes.
@@ -171,6 +174,52 @@ pub(crate) fn check_nodes(
         Some(node) => malformed(format!("node {node} has no unknown")),
         None => Ok(()),
     }
+}
+
+/// Of each row of contact traces (normal first) the node whose displacements no other row has, with a share of at least [`OWN_SHARE`] in the
+/// normal one: the only node of a row, else the one with the largest share. `node_of` gives the node of an unknown.
+///
+/// An error is a row without such a node, and what it has instead.
+pub(crate) fn own_nodes(
+    traces: &[&Matrix],
+    node_of: impl Fn(usize) -> usize,
+    nodes: usize,
+) -> Result<Vec<usize>, (usize, &'static str)> {
+    const SHARED: usize = usize::MAX - 1;
+    // The row of each node, or that there are several.
+    let mut row_of = vec![NONE; nodes];
+    let mut shares: Vec<BTreeMap<usize, f64>> =
+        vec![BTreeMap::new(); traces.first().map_or(0, |t| t.nrows())];
+    for (d, trace) in traces.iter().enumerate() {
+        for (i, k, v) in trace.triplets().filter(|t| t.2 != 0.0) {
+            let node = node_of(k);
+            row_of[node] = if [NONE, i].contains(&row_of[node]) {
+                i
+            } else {
+                SHARED
+            };
+            *shares[i].entry(node).or_default() += if d == 0 { v * v } else { 0.0 };
+        }
+    }
+    let own = |(i, shares): (usize, &BTreeMap<usize, f64>)| {
+        let mut best: Option<(usize, f64)> = None;
+        for (&node, &share) in shares.iter().filter(|s| row_of[*s.0] == i) {
+            // Nodes with equal shares face each other: the first one, on one side as a rule.
+            if best.is_none_or(|b| share > b.1 * (1.0 + SAME)) {
+                best = Some((node, share));
+            }
+        }
+        match best {
+            Some((node, share)) if shares.len() == 1 || share >= OWN_SHARE * OWN_SHARE => Ok(node),
+            _ if shares.len() > 1 => Err((i, "the displacements of several nodes")),
+            _ if shares.is_empty() => Err((
+                i,
+                "vectors that are not orthonormal, or of which components are prescribed",
+            )),
+            _ => Err((i, "the displacements of another contact node")),
+        }
+    };
+    shares.iter().enumerate().map(own).collect()
 }
 
 fn gather<const B: usize>(a: &Matrix, places: &[u32], nodes: usize) -> Symmetric<B> {

@@ -13,6 +13,7 @@ mod squares;
 mod support;
 
 mod bars;
+mod coupled;
 mod evolution;
 mod exported;
 mod fem_families;

@@ -15,7 +15,7 @@ const YOUNG: f64 = 1.0;
 const NU: f64 = 0.3;
 
 #[derive(Clone, Copy)]
-enum Order {
+pub enum Order {
     First,
     Second,
     Serendipity,
@@ -24,20 +24,20 @@ enum Order {
 /// Two blocks with the unit square or cube as horizontal extent, one above the other: heights (0, 1) and (−1, 0), before the interface
 /// is tilted to height s x. Cells along the axes of each; `bent` moves nodes of the interface in its plane, so that faces are no
 /// parallelograms.
-struct Stack {
-    dim: usize,
-    cells: [usize; 2],
-    simplices: bool,
+pub struct Stack {
+    pub dim: usize,
+    pub cells: [usize; 2],
+    pub simplices: bool,
     /// First order, second, or serendipity.
-    order: Order,
-    slope: f64,
-    bent: f64,
+    pub order: Order,
+    pub slope: f64,
+    pub bent: f64,
     /// Nodes with x at least this are shared by both blocks.
-    joined_from: f64,
+    pub joined_from: f64,
 }
 
 impl Stack {
-    fn new(dim: usize, cells: [usize; 2]) -> Self {
+    pub fn new(dim: usize, cells: [usize; 2]) -> Self {
         Self {
             dim,
             cells,
@@ -49,7 +49,7 @@ impl Stack {
         }
     }
 
-    fn mesh(&self) -> Mesh {
+    pub fn mesh(&self) -> Mesh {
         let mut points: Vec<[f64; 3]> = Vec::new();
         let mut cells: Vec<(CellKind, Vec<usize>)> = Vec::new();
         let (mut facets, up) = ([Vec::new(), Vec::new()], self.dim - 1);

@@ -1,25 +1,24 @@
 use super::ReducedOptions;
+use super::basis::Basis;
 use super::floating::floating_piece;
 use crate::InputError;
 use crate::contact::{ContactBody, ContactError, LoadPath};
 use crate::input::check_vector;
-use crate::sparse::{Matrix, NodalBlocks, NodalMatrix, Place, Symmetric};
-use crate::tolerances::CHECKED;
+use crate::sparse::{Matrix, NodalBlocks, NodalMatrix, Place};
 
 /// A large elastic body with contact nodes: the counterpart of [`ContactBody`](crate::contact::ContactBody) for
 /// [`ReducedContact`](super::ReducedContact), with its stiffness matrix in nodal blocks.
 ///
-/// The traces must be nodal: those of a contact node are its own displacement along an orthonormal frame ν, t₁[, t₂], as
-/// [`ElasticSystem::contact`](crate::fem::ElasticSystem::contact) returns them.
+/// Each contact node has traces along an orthonormal frame ν, t₁[, t₂]: its own displacements, as
+/// [`ElasticSystem::contact`](crate::fem::ElasticSystem::contact) returns them, or those relative to other nodes, which may belong to
+/// several contact nodes, as [`contact_between`](crate::fem::ElasticSystem::contact_between) does for facets of first order.
 #[derive(Debug, Clone)]
 pub struct ReducedBody {
-    /// A, with the components of contact nodes along their frames.
+    /// Tᵀ A T: A with the components of contact nodes along their frames, less those of what they touch.
     pub(super) stiffness: NodalMatrix,
-    /// The node of each contact node, and its frame: rows ν, t₁, t₂.
-    pub(super) contacts: Vec<usize>,
-    frames: Vec<[[f64; 3]; 3]>,
-    /// Directions of the frames that are held, as bits; their components are prescribed.
-    held: Vec<u8>,
+    /// A, where contact nodes are coupled with others.
+    uncoupled: Option<Box<NodalMatrix>>,
+    pub(super) basis: Basis,
     pub(super) load: LoadPath,
     pub(super) gap: Vec<f64>,
 }
@@ -29,8 +28,8 @@ impl ReducedBody {
     /// tangential traces belong to components that are prescribed; see [`ContactBody::new`].
     ///
     /// # Errors
-    /// Wrong shapes, entries that are not finite, no contact nodes; traces that are not nodal and orthonormal
-    /// ([`ContactError::NotNodal`]).
+    /// Wrong shapes, entries that are not finite, no contact nodes; traces that are not orthonormal or in which no node has a share of a
+    /// half that no other has ([`ContactError::NotNodal`]).
     pub fn new(
         mut stiffness: NodalMatrix,
         normal: &Matrix,
@@ -49,48 +48,11 @@ impl ReducedBody {
                 what: "there are no contact nodes",
             });
         }
-        let mut frames = vec![[[0.0; 3]; 3]; p];
-        let mut contacts = vec![usize::MAX; p];
-        for (d, trace) in std::iter::once(normal).chain(tangential).enumerate() {
+        let traces: Vec<&Matrix> = std::iter::once(normal).chain(tangential).collect();
+        for (d, trace) in traces.iter().enumerate() {
             check_shape(trace, d, p, n)?;
-            for (i, k, v) in trace.triplets().filter(|t| t.2 != 0.0) {
-                let place = stiffness.places()[k] as usize;
-                if contacts[i] != usize::MAX && contacts[i] != place / dim {
-                    return Err(ContactError::NotNodal {
-                        node: i,
-                        what: "the displacements of several nodes",
-                    });
-                }
-                contacts[i] = place / dim;
-                frames[i][d][place % dim] += v;
-            }
         }
-        let mut prescribed = vec![true; dim * stiffness.num_nodes()];
-        for place in stiffness.places() {
-            prescribed[*place as usize] = false;
-        }
-        let complete =
-            |(&node, frame): (&usize, &mut _)| complete(dim, frame, |k| prescribed[dim * node + k]);
-        let held: Vec<u8> = contacts
-            .iter()
-            .zip(&mut frames)
-            .map(|c| if *c.0 == usize::MAX { 0 } else { complete(c) })
-            .collect();
-        let mut taken = vec![false; stiffness.num_nodes()];
-        for (i, (node, frame)) in contacts.iter().zip(&frames).enumerate() {
-            if !is_orthonormal(frame, dim) {
-                return Err(ContactError::NotNodal {
-                    node: i,
-                    what: "vectors that are not orthonormal, or of which components are prescribed",
-                });
-            }
-            if std::mem::replace(&mut taken[*node], true) {
-                return Err(ContactError::NotNodal {
-                    node: i,
-                    what: "the displacements of another contact node",
-                });
-            }
-        }
+        let basis = Basis::new(&stiffness, &traces)?;
         load.check(n)?;
         let finite = match &stiffness.blocks {
             NodalBlocks::Plane(a) => a.check_finite(),
@@ -104,15 +66,12 @@ impl ReducedBody {
                 source: InputError::Entry { row, col, value },
             });
         }
-        match &mut stiffness.blocks {
-            NodalBlocks::Plane(a) => turn(a, &contacts, &frames),
-            NodalBlocks::Space(a) => turn(a, &contacts, &frames),
-        }
+        let uncoupled = basis.is_coupled().then(|| Box::new(stiffness.clone()));
+        basis.transform(&mut stiffness.blocks);
         Ok(Self {
             stiffness,
-            contacts,
-            frames,
-            held,
+            uncoupled,
+            basis,
             load,
             gap: vec![0.0; p],
         })
@@ -137,7 +96,7 @@ impl ReducedBody {
     /// Number p of contact nodes.
     #[must_use]
     pub fn num_contacts(&self) -> usize {
-        self.contacts.len()
+        self.basis.nodes.len()
     }
 
     /// 2 or 3.
@@ -176,7 +135,7 @@ impl ReducedBody {
         for place in self.stiffness.places() {
             fixed[*place as usize / dim] &= !(1 << (*place as usize % dim));
         }
-        for (node, held) in self.contacts.iter().zip(&self.held) {
+        for (node, held) in self.basis.nodes.iter().zip(&self.basis.held) {
             fixed[*node] = *held;
         }
         fixed
@@ -189,7 +148,8 @@ impl ReducedBody {
             NodalBlocks::Space(a) => a.diagonal(node)[d][d],
         };
         let all = self
-            .contacts
+            .basis
+            .nodes
             .iter()
             .flat_map(|&c| (0..self.dim()).map(move |d| (c, d)));
         let sum: f64 = all.map(|(c, d)| diagonal(c, d)).sum();
@@ -197,36 +157,45 @@ impl ReducedBody {
         if mean > 0.0 && mean.is_finite() { mean } else { 1.0 }
     }
 
-    /// From free displacements (or forces) to all components, those of contact nodes along their frames.
+    /// All components of free displacements, those of contact nodes along their frames, less those of what they touch.
     pub(super) fn turned(&self, free: &[f64]) -> Vec<f64> {
-        let dim = self.dim();
+        let mut all = self.spread(free);
+        self.basis.to_local(&mut all);
+        all
+    }
+
+    /// The inverse of [`turned`](Self::turned).
+    pub(super) fn free(&self, all: &[f64]) -> Vec<f64> {
+        let mut turned = all.to_vec();
+        self.basis.from_local(&mut turned);
+        self.gathered(&turned)
+    }
+
+    /// Forces on these components from forces on the free displacements.
+    pub(super) fn turned_forces(&self, free: &[f64]) -> Vec<f64> {
+        let mut all = self.spread(free);
+        self.basis.forces_to_local(&mut all);
+        all
+    }
+
+    /// The inverse of [`turned_forces`](Self::turned_forces).
+    pub(super) fn free_forces(&self, all: &[f64]) -> Vec<f64> {
+        let mut turned = all.to_vec();
+        self.basis.forces_from_local(&mut turned);
+        self.gathered(&turned)
+    }
+
+    fn spread(&self, free: &[f64]) -> Vec<f64> {
         let mut all = vec![0.0; self.len()];
         for (place, v) in self.stiffness.places().iter().zip(free) {
             all[*place as usize] = *v;
         }
-        for (node, frame) in self.contacts.iter().zip(&self.frames) {
-            let own = &mut all[dim * node..dim * (node + 1)];
-            let old: [f64; 3] = std::array::from_fn(|d| own.get(d).copied().unwrap_or(0.0));
-            for (v, row) in own.iter_mut().zip(frame) {
-                *v = (0..dim).map(|d| row[d] * old[d]).sum();
-            }
-        }
         all
     }
 
-    /// The inverse of the above.
-    pub(super) fn free(&self, all: &[f64]) -> Vec<f64> {
-        let dim = self.dim();
-        let mut turned = all.to_vec();
-        for (node, frame) in self.contacts.iter().zip(&self.frames) {
-            let own = &mut turned[dim * node..dim * (node + 1)];
-            let old: [f64; 3] = std::array::from_fn(|d| own.get(d).copied().unwrap_or(0.0));
-            for (d, v) in own.iter_mut().enumerate() {
-                *v = (0..dim).map(|k| frame[k][d] * old[k]).sum();
-            }
-        }
+    fn gathered(&self, all: &[f64]) -> Vec<f64> {
         let places = self.stiffness.places().iter();
-        places.map(|p| turned[*p as usize]).collect()
+        places.map(|p| all[*p as usize]).collect()
     }
 
     /// Rigid motions of the whole body at its nodes, by component; `which` numbers them as [`Place::motions`] does.
@@ -242,7 +211,7 @@ impl ReducedBody {
             std::array::from_fn(|d| which.map(|k| motions[k][d]))
         };
         let mut modes: Vec<[[f64; K]; F]> = points.iter().map(at).collect();
-        for (node, frame) in self.contacts.iter().zip(&self.frames) {
+        for (node, frame) in self.basis.nodes.iter().zip(self.basis.frames()) {
             let old = modes[*node];
             for (row, direction) in modes[*node].iter_mut().zip(frame) {
                 *row = std::array::from_fn(|k| (0..F).map(|d| direction[d] * old[d][k]).sum());
@@ -253,7 +222,10 @@ impl ReducedBody {
 
     /// The first piece of the body with zero-energy rigid motions.
     pub(super) fn floating_piece(&self) -> Option<ContactError> {
-        floating_piece(&self.stiffness, &self.contacts, &self.frames)
+        match &self.uncoupled {
+            Some(stiffness) => floating_piece(stiffness, &[], &[]),
+            None => floating_piece(&self.stiffness, &self.basis.nodes, self.basis.frames()),
+        }
     }
 
     /// Upper estimate of the bytes that multigrid and GMRES take in addition to the body, made before they are allocated; checked on
@@ -261,7 +233,8 @@ impl ReducedBody {
     #[must_use]
     pub fn memory(&self, options: &ReducedOptions) -> u64 {
         let (len, dim) = (self.len() as u64, self.dim() as u64);
-        let matrix = self.stiffness.num_blocks() as u64 * (8 * dim * dim + 4);
+        let uncoupled = self.uncoupled.as_ref().map_or(0, |a| a.num_blocks());
+        let matrix = (self.stiffness.num_blocks() + uncoupled) as u64 * (8 * dim * dim + 4);
         let vectors = 8 * len * (options.directions as u64).saturating_mul(2).saturating_add(24);
         matrix.saturating_add(vectors)
     }
@@ -279,28 +252,19 @@ impl ReducedBody {
     /// As [`ContactBody::new`].
     pub fn to_contact_body(&self) -> Result<ContactBody, ContactError> {
         let (dim, n, p) = (self.dim(), self.num_displacements(), self.num_contacts());
-        let mut original = self.stiffness.clone();
-        let back: Vec<_> = self.frames.iter().map(transposed).collect();
-        match &mut original.blocks {
-            NodalBlocks::Plane(a) => turn(a, &self.contacts, &back),
-            NodalBlocks::Space(a) => turn(a, &self.contacts, &back),
-        }
-        let mut unknown = vec![usize::MAX; self.len()];
-        for (k, place) in self.stiffness.places().iter().enumerate() {
-            unknown[*place as usize] = k;
-        }
-        let trace = |d: usize| {
-            let mut entries = Vec::new();
-            for (i, (node, frame)) in self.contacts.iter().zip(&self.frames).enumerate() {
-                let moves = |k: &usize| frame[d][*k] != 0.0 && unknown[dim * node + k] != usize::MAX;
-                for k in (0..dim).filter(moves) {
-                    entries.push((i, unknown[dim * node + k], frame[d][k]));
-                }
+        let original = match &self.uncoupled {
+            Some(stiffness) => stiffness.to_matrix()?,
+            None => {
+                let mut original = self.stiffness.clone();
+                self.basis.transform_back(&mut original.blocks);
+                original.to_matrix()?
             }
-            Matrix::from_triplets(p, n, &entries)
         };
+        let places = self.stiffness.places();
+        let trace =
+            |d: usize| Matrix::from_triplets(p, n, &self.basis.trace(d, self.stiffness.num_nodes(), places));
         let tangential = (1..dim).map(trace).collect::<Result<_, _>>()?;
-        ContactBody::new(original.to_matrix()?, trace(0)?, tangential, self.load.clone())?
+        ContactBody::new(original, trace(0)?, tangential, self.load.clone())?
             .with_gap(self.gap.clone())?
             .with_nodes(self.stiffness.points().to_vec(), &self.stiffness.unknowns())
     }
@@ -326,56 +290,4 @@ fn check_shape(trace: &Matrix, which: usize, rows: usize, cols: usize) -> Result
     trace
         .check_finite()
         .map_err(|source| ContactError::Matrix { what, source })
-}
-
-fn transposed(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
-    std::array::from_fn(|i| std::array::from_fn(|j| m[j][i]))
-}
-
-fn is_orthonormal(frame: &[[f64; 3]; 3], dim: usize) -> bool {
-    (0..dim * dim).all(|e| {
-        let (i, j) = (e / dim, e % dim);
-        let product: f64 = (0..dim).map(|d| frame[i][d] * frame[j][d]).sum();
-        (product - f64::from(u8::from(i == j))).abs() <= CHECKED
-    })
-}
-
-/// Completes a frame whose tangents of zeros are held: by directions along which only prescribed components move. Returns these as
-/// bits. Frames that cannot be completed so are left as they are.
-fn complete(dim: usize, frame: &mut [[f64; 3]; 3], prescribed: impl Fn(usize) -> bool) -> u8 {
-    let empty = |row: &[f64; 3]| row.iter().all(|v| *v == 0.0);
-    let mut held = 0;
-    for d in (1..dim).filter(|&d| empty(&frame[d])).collect::<Vec<_>>() {
-        let mut row = [0.0; 3];
-        // The first prescribed component orthogonal to the other directions.
-        let Some(k) = (0..dim).find(|&k| prescribed(k) && frame.iter().all(|f| f[k].abs() <= CHECKED)) else {
-            continue;
-        };
-        row[k] = 1.0;
-        frame[d] = row;
-        held |= 1 << d;
-    }
-    held
-}
-
-/// A ← Q A Qᵀ with Q the frames at the given nodes.
-fn turn<const B: usize>(a: &mut Symmetric<B>, nodes: &[usize], frames: &[[[f64; 3]; 3]]) {
-    for (&node, frame) in nodes.iter().zip(frames) {
-        let places: Vec<_> = a.places(node).collect();
-        for (other, k) in places {
-            let block = &mut a.values_mut()[k];
-            let old = *block;
-            if other <= node {
-                *block = std::array::from_fn(|r| {
-                    std::array::from_fn(|c| (0..B).map(|d| frame[r][d] * old[d][c]).sum())
-                });
-            }
-            let old = *block;
-            if other >= node {
-                *block = std::array::from_fn(|r| {
-                    std::array::from_fn(|c| (0..B).map(|d| old[r][d] * frame[c][d]).sum())
-                });
-            }
-        }
-    }
 }

@@ -1,5 +1,6 @@
 //! Contact in the displacements alone, for bodies too large for one factorisation.
 
+mod basis;
 mod body;
 mod derivative;
 mod evolution;
@@ -130,7 +131,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             e => e.into(),
         })?;
         Ok(Self {
-            components: body.contacts.iter().map(|c| body.dim() * c).collect(),
+            components: body.basis.nodes.iter().map(|c| body.dim() * c).collect(),
             r: RELATIVE_R * body.node_stiffness(),
             reference: vec![0.0; p * tangents],
             history: vec![0.0; p * law.num_history()],
@@ -239,7 +240,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         }
         let load = self.load_at(alpha);
         check_finite("the load", &load)?;
-        let load = self.body.turned(&load);
+        let load = self.body.turned_forces(&load);
         let u = self.body.turned(&free);
         let (system, options) = (&mut self.system, &self.options);
         system.set_time_limit(options.max_time);
@@ -415,7 +416,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         check_vector("the displacements", displacements, n)?;
         let load = self.load_at(alpha);
         let u = self.body.turned(displacements);
-        let f = self.body.turned(&load);
+        let f = self.body.turned_forces(&load);
         let mut image = vec![0.0; u.len()];
         self.body.stiffness.mul(&u, &mut image);
         let (p, tangents) = (self.components.len(), self.body.dim() - 1);
@@ -451,7 +452,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             }
         }
         let equilibrium = worst / size;
-        let stiff = self.body.free(&image);
+        let stiff = self.body.free_forces(&image);
         let supports = self.body.load.support_state(&[alpha]);
         let state = BodyState::of(displacements.to_vec(), stiff, load, supports);
         Ok(ContactSolution::assemble(

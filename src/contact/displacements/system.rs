@@ -126,15 +126,15 @@ impl SerialSystem {
         max_iterations: usize,
         until: Until,
     ) -> Result<Self, LinearError> {
-        let fixed = body.fixed();
+        let nodes = (body.fixed(), body.basis.apart(body.stiffness.num_nodes()));
         let hierarchy = match &body.stiffness.blocks {
             NodalBlocks::Plane(a) => {
                 let modes = body.rigid_modes([0, 1, 5]);
-                Hierarchy::Plane(Box::new(Aggregation::new(a, modes, fixed, until)?))
+                Hierarchy::Plane(Box::new(Aggregation::new(a, modes, nodes, until)?))
             }
             NodalBlocks::Space(a) => {
                 let modes = body.rigid_modes([0, 1, 2, 3, 4, 5]);
-                Hierarchy::Space(Box::new(Aggregation::new(a, modes, fixed, until)?))
+                Hierarchy::Space(Box::new(Aggregation::new(a, modes, nodes, until)?))
             }
         };
         Ok(Self {

@@ -15,8 +15,9 @@ pub(super) struct Aggregates {
 pub(super) const NONE: u32 = u32::MAX;
 
 /// Gathers nodes with their strong neighbours (P. Vaněk, J. Mandel, M. Brezina, 1996): nodes i, j with
-/// ‖A_ij‖² > θ² ‖A_ii‖ ‖A_jj‖, in Frobenius norms.
-pub(super) fn aggregates<const B: usize>(a: &Symmetric<B>, theta: f64) -> Aggregates {
+/// ‖A_ij‖² > θ² ‖A_ii‖ ‖A_jj‖, in Frobenius norms. Those that are `apart` are not gathered with others.
+pub(super) fn aggregates<const B: usize>(a: &Symmetric<B>, theta: f64, apart: &[bool]) -> Aggregates {
+    let together = |i: usize, j: usize| apart.is_empty() || apart[i] == apart[j];
     let n = a.nrows();
     let norms: Vec<f64> = (0..n).map(|i| square(a.diagonal(i)).sqrt()).collect();
     // Squares of the strengths, 0 for weak neighbours; single precision suffices for comparisons.
@@ -26,7 +27,7 @@ pub(super) fn aggregates<const B: usize>(a: &Symmetric<B>, theta: f64) -> Aggreg
         for ((&j, block), k) in cols.iter().zip(values).zip(a.lower().start[i]..) {
             let j = j as usize;
             let relative = square(block) / (norms[i] * norms[j]);
-            if j != i && relative > theta * theta {
+            if j != i && relative > theta * theta && together(i, j) {
                 strength[k] = relative as f32;
             }
         }
@@ -61,11 +62,16 @@ pub(super) fn aggregates<const B: usize>(a: &Symmetric<B>, theta: f64) -> Aggreg
         }
         count += 1;
     }
-    merge_small(a, &mut of, count as usize)
+    merge_small(a, &mut of, count as usize, together)
 }
 
 /// Merges each small aggregate with that of the neighbour it is most strongly coupled to.
-fn merge_small<const B: usize>(a: &Symmetric<B>, of: &mut [u32], count: usize) -> Aggregates {
+fn merge_small<const B: usize>(
+    a: &Symmetric<B>,
+    of: &mut [u32],
+    count: usize,
+    together: impl Fn(usize, usize) -> bool,
+) -> Aggregates {
     let mut size = vec![0u32; count];
     of.iter().for_each(|k| size[*k as usize] += 1);
     for i in 0..of.len() {
@@ -75,7 +81,7 @@ fn merge_small<const B: usize>(a: &Symmetric<B>, of: &mut [u32], count: usize) -
         }
         let values = &a.lower().value;
         let others = a.places(i).map(|(j, k)| (j, square(&values[k]) as f32));
-        if let Some(j) = strongest(others.filter(|(j, s)| of[*j] != own && *s > 0.0)) {
+        if let Some(j) = strongest(others.filter(|(j, s)| of[*j] != own && *s > 0.0 && together(i, *j))) {
             size[own as usize] -= 1;
             of[i] = of[j];
             size[of[i] as usize] += 1;

@@ -116,14 +116,15 @@ pub(crate) struct Aggregation<const F: usize, const K: usize> {
 
 impl<const F: usize, const K: usize> Aggregation<F, K> {
     /// The hierarchy of a positive definite matrix of which some components, a bit each, are not free and have zero rows and columns.
-    /// `modes` are the near-kernel vectors.
+    /// `modes` are the near-kernel vectors. Nodes that are `apart` (none where the list is empty) are not gathered with others: the near-kernel
+    /// may be different there.
     ///
     /// # Errors
     /// [`LinearError::NotPositiveDefinite`]; [`LinearError::TimeLimit`] once time is over.
     pub(crate) fn new(
         a: &Symmetric<F>,
         modes: Vec<[[f64; K]; F]>,
-        fixed: Vec<u8>,
+        (fixed, mut apart): (Vec<u8>, Vec<bool>),
         until: Until,
     ) -> Result<Self, LinearError> {
         let masked = |(mut m, constrained): ([[f64; K]; F], &u8)| {
@@ -149,7 +150,9 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         let (mut smoothers, mut matrices) = (Vec::<Smoother<K, f32>>::new(), Vec::new());
         let mut transfers = Vec::new();
         let mut coarsest = Symmetric::of(Blocks::new(0));
-        if let Some((transfer, mut coarse_modes)) = coarsen((a, &modes), (STRONG, unit), &fine, until)? {
+        if let Some((transfer, mut coarse_modes)) =
+            coarsen((a, &modes), (STRONG, unit), &fine, &mut apart, until)?
+        {
             coarsest = transfer.galerkin(a, &fine);
             in_time(until)?;
             sweeps += STIFF
@@ -161,7 +164,13 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
             loop {
                 strong *= 0.5;
                 let smoother = Smoother::new(&coarsest, |_| 0);
-                let made = coarsen((&coarsest, &coarse_modes), (strong, 1.0), &smoother, until)?;
+                let made = coarsen(
+                    (&coarsest, &coarse_modes),
+                    (strong, 1.0),
+                    &smoother,
+                    &mut apart,
+                    until,
+                )?;
                 smoothers.push(smoother);
                 let (Some((transfer, next)), Some(smoother)) = (made, smoothers.last()) else {
                     break;
@@ -433,6 +442,7 @@ fn coarsen<const R: usize, const K: usize>(
     (a, modes): (&Symmetric<R>, &Modes<R, K>),
     (strong, unit): (f64, f64),
     constraints: &impl Constraints<R>,
+    apart: &mut Vec<bool>,
     until: Until,
 ) -> Result<Option<(Transfer<R, K>, Modes<K, K>)>, LinearError> {
     let n = a.nrows();
@@ -440,9 +450,14 @@ fn coarsen<const R: usize, const K: usize>(
         return Ok(None);
     }
     in_time(until)?;
-    let found = aggregates(a, strong);
+    let found = aggregates(a, strong, apart);
     if found.count as f64 * K as f64 > MIN_COARSENING * n as f64 * R as f64 {
         return Ok(None);
+    }
+    if !apart.is_empty() {
+        let mut coarse = vec![false; found.count];
+        (found.of.iter().zip(&*apart)).for_each(|(k, apart)| coarse[*k as usize] |= apart);
+        *apart = coarse;
     }
     let omega = DAMPING / largest_eigenvalue(a, constraints, until)?;
     let made = Transfer::new((a, modes), found, (omega, unit), constraints, until);

@@ -47,7 +47,8 @@ fn space(a: &NodalMatrix) -> &Symmetric<3> {
 fn iterations(a: &NodalMatrix, constrained: &[usize]) -> usize {
     let blocks = space(a);
     let fixed = vec![0; a.num_nodes()];
-    let mut cycle = Aggregation::<3, 6>::new(blocks, rigid(a.points()), fixed, Until::default()).unwrap();
+    let mut cycle =
+        Aggregation::<3, 6>::new(blocks, rigid(a.points()), (fixed, Vec::new()), Until::default()).unwrap();
     assert!(cycle.sizes(blocks).len() >= 2);
     cycle.constrain(blocks, constrained, &[]).unwrap();
     let n = 3 * a.num_nodes();
@@ -185,7 +186,14 @@ fn constraints_change_what_depends_on_them_and_nothing_is_missed() {
     for cells in [[9, 8, 4], [24, 24, 12]] {
         let a = body(block(cells), Material::isotropic(1.0, 0.3).unwrap(), 1.0);
         let (blocks, n) = (space(&a), a.num_nodes());
-        let make = || Aggregation::<3, 6>::new(blocks, rigid(a.points()), vec![0; n], Until::default());
+        let make = || {
+            Aggregation::<3, 6>::new(
+                blocks,
+                rigid(a.points()),
+                (vec![0; n], Vec::new()),
+                Until::default(),
+            )
+        };
         let mut cycle = make().unwrap();
         let free = coarse(&cycle);
         let constrained = bottom(&a);
@@ -252,8 +260,13 @@ fn constraints_change_what_depends_on_them_and_nothing_is_missed() {
 fn slight_changes_are_kept_from_coarse_levels_alone() {
     let a = body(block([9, 8, 4]), Material::isotropic(1.0, 0.3).unwrap(), 1.0);
     let (blocks, n) = (space(&a), a.num_nodes());
-    let mut cycle =
-        Aggregation::<3, 6>::new(blocks, rigid(a.points()), vec![0; n], Until::default()).unwrap();
+    let mut cycle = Aggregation::<3, 6>::new(
+        blocks,
+        rigid(a.points()),
+        (vec![0; n], Vec::new()),
+        Until::default(),
+    )
+    .unwrap();
     let free = coarse(&cycle);
     let node = bottom(&a)[0] / 3;
     let size = largest(blocks.diagonal(node).as_flattened());
@@ -300,7 +313,7 @@ fn floating_bodies_are_refused() {
     let made = Aggregation::<3, 6>::new(
         &blocks,
         rigid(a.points()),
-        vec![0; a.num_nodes()],
+        (vec![0; a.num_nodes()], Vec::new()),
         Until::default(),
     );
     assert_eq!(made.err(), Some(LinearError::NotPositiveDefinite));
@@ -311,7 +324,7 @@ fn floating_bodies_are_refused() {
 fn interrupted_changes_are_carried_through() {
     let a = body(block([10, 10, 5]), Material::isotropic(1.0, 0.277).unwrap(), 1.0);
     let (blocks, n) = (space(&a), a.num_nodes());
-    let make = |until| Aggregation::<3, 6>::new(blocks, rigid(a.points()), vec![0; n], until);
+    let make = |until| Aggregation::<3, 6>::new(blocks, rigid(a.points()), (vec![0; n], Vec::new()), until);
     let over = Until::after(Some(std::time::Duration::ZERO));
     assert_eq!(make(over).err(), Some(LinearError::TimeLimit));
     let (mut cycle, mut other) = (make(Until::default()).unwrap(), make(Until::default()).unwrap());

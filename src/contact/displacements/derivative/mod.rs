@@ -177,7 +177,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         // λ = f − A u at the contact nodes, the residual of equilibrium elsewhere.
         let mut rest = vec![0.0; u.len()];
         self.system.mul(&u, &mut rest)?;
-        let load = self.body.turned(&self.load_at(alpha));
+        let load = self.body.turned_forces(&self.load_at(alpha));
         rest.iter_mut().zip(&load).for_each(|(r, f)| *r = f - *r);
         let values: Vec<LocalValues> = (0..p).map(|i| nodes.values(law, i, &u, |k| rest[k])).collect();
         let refused = |node: usize, piece: String| ContactError::Invalid {
@@ -332,7 +332,7 @@ impl ReducedSensitivity<'_> {
         );
         check_vector("the gradient in the displacements", displacements, n)?;
         check_vector("the gradient in the forces", forces, dim * p)?;
-        let mut of_u = self.system.body().turned(displacements);
+        let mut of_u = self.system.body().turned_forces(displacements);
         let of_force = |i: usize, d: usize| forces[d * p + i];
         let mut of_data = Vec::new();
         if !self.weak.is_empty() {
@@ -402,7 +402,7 @@ impl ReducedSensitivity<'_> {
         (self.columns[2].as_ref()).mul_add(1.0, own, &mut second);
         second.resize(self.nodes.len(), 0.0);
         Ok(Change {
-            forces: self.system.body().turned(&forces),
+            forces: self.system.body().turned_forces(&forces),
             traces,
             second,
             alpha,
