@@ -92,7 +92,10 @@ pub fn contact_problem<L: NodeLaw>(
     let nodal = rows.has_own_nodes(system);
     Ok(match form.suited(system.mesh().dim(), system.num_free(), nodal) {
         ContactForm::Displacements => {
-            let body = reduced_body(system, rows, load)?;
+            let body = reduced_body(system, rows, load.clone())?;
+            if form == ContactForm::Auto && !body.is_supported() {
+                return contact_problem(system, rows, load, law, ContactForm::Condensed);
+            }
             ContactProblem::Displacements(Box::new(ReducedContact::new(
                 body,
                 law,

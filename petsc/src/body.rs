@@ -30,6 +30,12 @@ pub enum BodyError {
         /// Nodes of the system.
         found: usize,
     },
+    /// Contact rows that couple a node with others, as those between two bodies do.
+    #[error(
+        "contact rows couple several nodes, as between two bodies; distributed bodies need a rigid foundation and nodal multipliers: \
+         use semismooth::contact::ReducedContact on one process"
+    )]
+    Coupled,
     /// No process has contact nodes.
     #[error("there are no contact nodes")]
     NoContact,
@@ -93,7 +99,7 @@ impl<'w> DistributedBody<'w> {
     /// A body from the systems of all parts and their contact nodes.
     ///
     /// # Errors
-    /// Systems on meshes other than those of the parts, no contact nodes, supports that leave rigid motions, more unknowns than PETSc can
+    /// Systems on meshes other than those of the parts, contact between bodies ([`BodyError::Coupled`]), no contact nodes, supports that leave rigid motions, more unknowns than PETSc can
     /// number.
     pub fn new(
         world: &'w World,
@@ -101,12 +107,13 @@ impl<'w> DistributedBody<'w> {
         system: &ElasticSystem,
         rows: &ContactRows,
     ) -> Result<Self, Error> {
-        world.agree(match system.mesh().num_nodes() == part.mesh().num_nodes() {
-            true => Ok(()),
-            false => Err(BodyError::OtherMesh {
-                expected: part.mesh().num_nodes(),
-                found: system.mesh().num_nodes(),
-            }),
+        let (expected, found) = (part.mesh().num_nodes(), system.mesh().num_nodes());
+        world.agree(if expected != found {
+            Err(BodyError::OtherMesh { expected, found })
+        } else if !rows.is_nodal(system) {
+            Err(BodyError::Coupled)
+        } else {
+            Ok(())
         })?;
         world.agree(Self::build(world, part, system, rows))
     }

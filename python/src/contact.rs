@@ -83,8 +83,8 @@ impl Form {
 ///     alone holds, with displacements of some points before α, as many as it has rigid motions. "full": x = (u, λν, λt₁[,
 ///     λt₂], α), sparse, one factorisation per step: for thousands of contact nodes. "reduced": x as in full form, but solved for the
 ///     displacements alone, with multigrid, for bodies of up to millions of displacements: :meth:`solve` and :func:`evolve` only, curves
-///     are not followed. "auto": "reduced" for solids of more than 6000 free displacements and plane bodies of more than 3 million on
-///     rigid foundations with nodal multipliers, else "condensed".
+///     are not followed. "auto": "reduced" for solids of more than 6000 free displacements and plane bodies of more than 3 million that their
+///     supports hold, with nodal multipliers or between facets of first order, else "condensed".
 /// multipliers : "nodal", "dual cells", int, list of str, or pair of a Mesh and str, optional
 ///     The space of the p contact forces (Haslinger, Kučera, Vlach 2008): nodal forces (unless given); constant on the part of the facets
 ///     nearest to each node ("dual cells"); or polynomials on the elements of a partition T_H: k facets merged (k × k quadrilaterals in
@@ -202,9 +202,11 @@ impl ContactProblem {
         let own = law.clone();
         let route = py.detach(|| -> Result<Route, ContactError> {
             if wanted == ContactForm::Displacements {
-                let body = semismooth::reduced_body(system, &rows, path)?;
-                let problem = ReducedContact::new(body, own, ReducedOptions::default())?;
-                return Ok(Route::Reduced(Box::new(Mutex::new(problem))));
+                let body = semismooth::reduced_body(system, &rows, path.clone())?;
+                if form != "auto" || body.is_supported() {
+                    let problem = ReducedContact::new(body, own, ReducedOptions::default())?;
+                    return Ok(Route::Reduced(Box::new(Mutex::new(problem))));
+                }
             }
             let body = Compliance::of(semismooth::contact_body(system, &rows, path)?, compliance)?;
             Ok(Route::Mapped(Box::new(match wanted {

@@ -15,7 +15,7 @@ const LARGE_PLANE: usize = 3_000_000;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[non_exhaustive]
 pub enum ContactForm {
-    /// The displacements alone for large bodies, where the laws at the contact nodes permit it, else condensed.
+    /// The displacements alone for large bodies that their supports hold, where the contact nodes permit it, else condensed.
     #[default]
     Auto,
     /// Displacements and contact forces, sparse: [`FullContact`].

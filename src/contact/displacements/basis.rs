@@ -75,15 +75,6 @@ impl Basis {
         self.others.iter().any(|o| !o.is_empty())
     }
 
-    /// The contact nodes by node, where they are coupled with others: they are gathered apart.
-    pub(super) fn apart(&self, nodes: usize) -> Vec<bool> {
-        let mut apart = vec![false; if self.is_coupled() { nodes } else { 0 }];
-        if self.is_coupled() {
-            self.nodes.iter().for_each(|n| apart[*n] = true);
-        }
-        apart
-    }
-
     /// The frames of the contact nodes: O_i.
     pub(super) fn frames(&self) -> &[Block] {
         &self.own

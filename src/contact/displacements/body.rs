@@ -1,6 +1,6 @@
 use super::ReducedOptions;
 use super::basis::Basis;
-use super::floating::floating_piece;
+use super::floating::{floating_piece, pieces_of};
 use crate::InputError;
 use crate::contact::{ContactBody, ContactError, LoadPath};
 use crate::input::check_vector;
@@ -218,6 +218,23 @@ impl ReducedBody {
             }
         }
         modes
+    }
+
+    /// Whether supports hold all parts of the body, as the displacements alone need; the condensed form also has parts that contact holds.
+    #[must_use]
+    pub fn is_supported(&self) -> bool {
+        self.floating_piece().is_none()
+    }
+
+    /// Classes of nodes that multigrid gathers apart: where bodies are coupled, the nodes of each and its contact nodes. Rigid motions of
+    /// both bodies together leave the variables of contact nodes at rest, those of one body do not.
+    pub(super) fn classes(&self) -> Vec<usize> {
+        let Some(stiffness) = &self.uncoupled else {
+            return Vec::new();
+        };
+        let mut classes: Vec<usize> = pieces_of(stiffness).iter().map(|piece| 2 * piece).collect();
+        self.basis.nodes.iter().for_each(|n| classes[*n] += 1);
+        classes
     }
 
     /// The first piece of the body with zero-energy rigid motions.

@@ -34,16 +34,7 @@ fn floating<const F: usize>(
     points: &[[f64; 3]],
     frame: &[Option<&[[f64; 3]; 3]>],
 ) -> Option<(Vec<bool>, Vec<&'static str>)> {
-    let piece = pieces(a.nrows(), |connect| {
-        for i in 0..a.nrows() {
-            let (cols, values) = a.lower().row(i);
-            let coupled = cols
-                .iter()
-                .zip(values)
-                .filter(|(_, v)| v.as_flattened().iter().any(|v| *v != 0.0));
-            connect(&mut std::iter::once(i).chain(coupled.map(|(j, _)| *j as usize)));
-        }
-    });
+    let piece = connected(a);
     let places = Place::of(points, &piece);
     // By component, then by motion.
     let motions = |node: usize| -> [[f64; 6]; F] {
@@ -82,4 +73,26 @@ fn floating<const F: usize>(
     });
     let (own, modes) = free.enumerate().find(|(_, free)| !free.is_empty())?;
     Some((piece.iter().map(|p| *p == own).collect(), modes))
+}
+
+/// The piece of each node.
+fn connected<const F: usize>(a: &Symmetric<F>) -> Vec<usize> {
+    pieces(a.nrows(), |connect| {
+        for i in 0..a.nrows() {
+            let (cols, values) = a.lower().row(i);
+            let coupled = cols
+                .iter()
+                .zip(values)
+                .filter(|(_, v)| v.as_flattened().iter().any(|v| *v != 0.0));
+            connect(&mut std::iter::once(i).chain(coupled.map(|(j, _)| *j as usize)));
+        }
+    })
+}
+
+/// The piece of each node.
+pub(super) fn pieces_of(stiffness: &NodalMatrix) -> Vec<usize> {
+    match &stiffness.blocks {
+        NodalBlocks::Plane(a) => connected(a),
+        NodalBlocks::Space(a) => connected(a),
+    }
 }

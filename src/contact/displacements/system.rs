@@ -126,7 +126,7 @@ impl SerialSystem {
         max_iterations: usize,
         until: Until,
     ) -> Result<Self, LinearError> {
-        let nodes = (body.fixed(), body.basis.apart(body.stiffness.num_nodes()));
+        let nodes = (body.fixed(), body.classes());
         let hierarchy = match &body.stiffness.blocks {
             NodalBlocks::Plane(a) => {
                 let modes = body.rigid_modes([0, 1, 5]);

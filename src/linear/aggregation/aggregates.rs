@@ -15,9 +15,9 @@ pub(super) struct Aggregates {
 pub(super) const NONE: u32 = u32::MAX;
 
 /// Gathers nodes with their strong neighbours (P. Vaněk, J. Mandel, M. Brezina, 1996): nodes i, j with
-/// ‖A_ij‖² > θ² ‖A_ii‖ ‖A_jj‖, in Frobenius norms. Those that are `apart` are not gathered with others.
-pub(super) fn aggregates<const B: usize>(a: &Symmetric<B>, theta: f64, apart: &[bool]) -> Aggregates {
-    let together = |i: usize, j: usize| apart.is_empty() || apart[i] == apart[j];
+/// ‖A_ij‖² > θ² ‖A_ii‖ ‖A_jj‖, in Frobenius norms. Those of different classes are not gathered.
+pub(super) fn aggregates<const B: usize>(a: &Symmetric<B>, theta: f64, classes: &[usize]) -> Aggregates {
+    let together = |i: usize, j: usize| classes.is_empty() || classes[i] == classes[j];
     let n = a.nrows();
     let norms: Vec<f64> = (0..n).map(|i| square(a.diagonal(i)).sqrt()).collect();
     // Squares of the strengths, 0 for weak neighbours; single precision suffices for comparisons.

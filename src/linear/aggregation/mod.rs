@@ -116,15 +116,15 @@ pub(crate) struct Aggregation<const F: usize, const K: usize> {
 
 impl<const F: usize, const K: usize> Aggregation<F, K> {
     /// The hierarchy of a positive definite matrix of which some components, a bit each, are not free and have zero rows and columns.
-    /// `modes` are the near-kernel vectors. Nodes that are `apart` (none where the list is empty) are not gathered with others: the near-kernel
-    /// may be different there.
+    /// `modes` are the near-kernel vectors. Nodes of different classes (all are of one where the list is empty) are not gathered together:
+    /// the near-kernel of the whole need not be that of each.
     ///
     /// # Errors
     /// [`LinearError::NotPositiveDefinite`]; [`LinearError::TimeLimit`] once time is over.
     pub(crate) fn new(
         a: &Symmetric<F>,
         modes: Vec<[[f64; K]; F]>,
-        (fixed, mut apart): (Vec<u8>, Vec<bool>),
+        (fixed, mut classes): (Vec<u8>, Vec<usize>),
         until: Until,
     ) -> Result<Self, LinearError> {
         let masked = |(mut m, constrained): ([[f64; K]; F], &u8)| {
@@ -151,7 +151,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         let mut transfers = Vec::new();
         let mut coarsest = Symmetric::of(Blocks::new(0));
         if let Some((transfer, mut coarse_modes)) =
-            coarsen((a, &modes), (STRONG, unit), &fine, &mut apart, until)?
+            coarsen((a, &modes), (STRONG, unit), &fine, &mut classes, until)?
         {
             coarsest = transfer.galerkin(a, &fine);
             in_time(until)?;
@@ -168,7 +168,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
                     (&coarsest, &coarse_modes),
                     (strong, 1.0),
                     &smoother,
-                    &mut apart,
+                    &mut classes,
                     until,
                 )?;
                 smoothers.push(smoother);
@@ -442,7 +442,7 @@ fn coarsen<const R: usize, const K: usize>(
     (a, modes): (&Symmetric<R>, &Modes<R, K>),
     (strong, unit): (f64, f64),
     constraints: &impl Constraints<R>,
-    apart: &mut Vec<bool>,
+    classes: &mut Vec<usize>,
     until: Until,
 ) -> Result<Option<(Transfer<R, K>, Modes<K, K>)>, LinearError> {
     let n = a.nrows();
@@ -450,14 +450,14 @@ fn coarsen<const R: usize, const K: usize>(
         return Ok(None);
     }
     in_time(until)?;
-    let found = aggregates(a, strong, apart);
+    let found = aggregates(a, strong, classes);
     if found.count as f64 * K as f64 > MIN_COARSENING * n as f64 * R as f64 {
         return Ok(None);
     }
-    if !apart.is_empty() {
-        let mut coarse = vec![false; found.count];
-        (found.of.iter().zip(&*apart)).for_each(|(k, apart)| coarse[*k as usize] |= apart);
-        *apart = coarse;
+    if !classes.is_empty() {
+        let mut coarse = vec![0; found.count];
+        (found.of.iter().zip(&*classes)).for_each(|(k, class)| coarse[*k as usize] = *class);
+        *classes = coarse;
     }
     let omega = DAMPING / largest_eigenvalue(a, constraints, until)?;
     let made = Transfer::new((a, modes), found, (omega, unit), constraints, until);
