@@ -21,7 +21,7 @@ const PROBES: usize = 6;
 const COLUMNS: usize = 64;
 const COMBINATIONS: u64 = 8;
 /// Multiple of the rounding of two rates from which they differ; they agree up to ALLOWANCE times it.
-const OTHER: f64 = 1e4;
+pub(super) const OTHER: f64 = 1e4;
 
 /// How the derivatives −J_σ⁻¹ ∂_θH^σ of the active selections compare.
 #[derive(Debug, Clone, PartialEq)]

@@ -16,6 +16,7 @@ mod parameters;
 mod ranges;
 mod rational;
 mod smooth;
+mod symmetry;
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()

@@ -281,7 +281,7 @@ fn random_loads(n: usize) -> [Vec<f64>; 2] {
     [random.vector(n, 0.001), random.vector(n, 0.001)]
 }
 
-fn entries(columns: &[Vec<f64>]) -> Vec<(usize, usize, f64)> {
+pub fn entries(columns: &[Vec<f64>]) -> Vec<(usize, usize, f64)> {
     let columns = columns.iter().enumerate();
     columns
         .flat_map(|(j, column)| column.iter().enumerate().map(move |(i, v)| (i, j, *v)))
