@@ -169,12 +169,12 @@ fn are_same(a: &[f64], b: &[f64]) -> bool {
 
 /// Whatever is said of derivatives in the load, in the full form, in that of forces and in that of displacements, holds of the rates of all
 /// pieces: one derivative where there is one branch along every direction, branches that are those of the pieces, *yes* where they are
-/// linear, *no* where two sides differ.
+/// linear, *no* where two sides differ. `BODY_CASES` examines more bodies.
 #[test]
 fn what_is_said_of_degenerate_bodies_holds() {
     let random = &mut Random::new(21);
     let mut counts = [0; 4];
-    for _ in 0..400 {
+    for _ in 0..super::cases("BODY_CASES", 400) {
         let body = Body::new(random);
         let (n, p) = (body.a.len(), body.states.len());
         let [u, forces] = body.solution();

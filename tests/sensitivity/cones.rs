@@ -98,6 +98,7 @@ fn random_problem(random: &mut Random, places: [Place; 2]) -> (Affine, Vec<f64>)
 }
 
 /// Away from kinks derivatives are differences, and the adjoint is exact; at kinks one-sided derivatives are one-sided differences.
+/// `CONE_CASES` examines more problems for each pair of faces.
 #[test]
 fn derivatives_are_differences_on_all_faces() {
     let random = &mut Random::new(4);
@@ -108,7 +109,9 @@ fn derivatives_are_differences_on_all_faces() {
         Place::BoundaryZero,
         Place::TipBoundary,
     ];
-    for (first, second) in all.iter().flat_map(|a| all.iter().map(move |b| (*a, *b))) {
+    let cases = super::cases("CONE_CASES", 1) as usize;
+    let pairs = all.iter().flat_map(|a| all.iter().map(move |b| (*a, *b)));
+    for (first, second) in pairs.flat_map(|pair| std::iter::repeat_n(pair, cases)) {
         let (problem, x) = random_problem(random, [first, second]);
         let zero = vec![0.0; N];
         let mut found = Sensitivity::new(problem.map(), &x, &zero).unwrap();

@@ -712,8 +712,7 @@ impl SmoothFunction for AtParameters {
 /// the piece does; where solutions are not one function, the branches are the exact ones. `RATIONAL_CASES` examines more problems.
 #[test]
 fn matrices_that_depend_on_parameters() {
-    let more = std::env::var("RATIONAL_CASES");
-    let cases = more.ok().and_then(|text| text.parse().ok()).unwrap_or(300);
+    let cases = super::cases("RATIONAL_CASES", 300);
     for rounded in [false, true] {
         let seen = examined(0..cases, rounded);
         println!("{seen:?}");
