@@ -6,7 +6,7 @@ use super::fill_sizes;
 use super::operator::Operator;
 use super::view::{CondensedView, FullView, View};
 use crate::input::{check_size, check_vector};
-use crate::linear::{CondensedRows, Hierarchical};
+use crate::linear::{CondensedRows, Hierarchical, LinearError};
 use crate::piecewise::{
     Condensed, CondensedPieces, Derivatives, Description, ExactPieces, Facet, PiecewiseError,
     PiecewiseSmooth, PiecewiseSmoothExt, Selection, Structure,
@@ -340,7 +340,7 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
     }
 }
 
-/// Random signs with which the rounding of the terms of equilibrium is propagated to traces.
+/// Random errors with which the rounding of the terms of equilibrium is propagated to traces.
 const PROBES: u64 = 4;
 
 impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
@@ -357,17 +357,14 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
             return;
         }
         let mut terms = self.operator.load.terms(parameters, u.len());
-        Matrix::as_ref(&self.operator.a).add_term_sizes(&u, &mut terms);
         Matrix::as_ref(&self.operator.b_t).add_term_sizes(lambda, &mut terms);
         let mut largest = vec![0.0_f64; out.len()];
-        for seed in 1..=PROBES {
-            let mut spread = Random::new(seed);
-            let sign = |t: &f64| (VALUE * t).copysign(spread.symmetric());
-            let Ok(traces) = reduced.traces_of_solution(&terms.iter().map(sign).collect::<Vec<_>>()) else {
-                return;
-            };
+        let Ok(traces) = self.roundings_of_traces(&u, terms) else {
+            return;
+        };
+        for traces in traces.chunks_exact(q.max(1)) {
             let (mut dz, mut moved) = (vec![0.0; z.len()], vec![0.0; out.len()]);
-            dz[..q].copy_from_slice(&traces);
+            dz[..q].copy_from_slice(traces);
             self.law.test_derivatives(z, &dz, &mut moved);
             for (l, m) in largest.iter_mut().zip(&moved) {
                 *l = l.max(m.abs());
@@ -376,6 +373,25 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         out.iter_mut()
             .zip(&largest)
             .for_each(|(o, l)| *o += ALLOWANCE * l);
+    }
+
+    /// In condensed form, samples of what roundings leave of the traces of a solution u of equilibrium, one after the other: of its terms
+    /// |A| |u| and of others of these sizes. None in full form.
+    pub(crate) fn roundings_of_traces(
+        &self,
+        u: &[f64],
+        mut terms: Vec<f64>,
+    ) -> Result<Vec<f64>, LinearError> {
+        let Some(reduced) = self.view.reduced() else {
+            return Ok(Vec::new());
+        };
+        Matrix::as_ref(&self.operator.a).add_term_sizes(u, &mut terms);
+        let mut samples = Vec::with_capacity(PROBES as usize * terms.len());
+        for seed in 1..=PROBES {
+            let mut spread = Random::new(seed);
+            samples.extend(terms.iter().map(|t| VALUE * t * spread.error()));
+        }
+        reduced.traces_of_solution(&samples)
     }
 }
 

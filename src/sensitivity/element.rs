@@ -134,7 +134,7 @@ impl Element {
         let (mut beside, mut spread) = (self.jacobian.clone(), Random::new(2));
         let mut terms = vec![0.0_f64; self.jacobian.nrows()];
         for _ in 0..PROBES {
-            let moved: Vec<f64> = at.iter().map(|x| x + VALUE * error(&mut spread) * x).collect();
+            let moved: Vec<f64> = at.iter().map(|x| x + VALUE * spread.error() * x).collect();
             derivatives(map, &moved, &self.selection, &mut beside)?;
             let mut apart = vec![0.0; terms.len()];
             beside.as_ref().mul_add(1.0, &d, &mut apart);
@@ -239,18 +239,11 @@ pub(super) fn widths(jacobian: &Matrix, solver: &mut AutoSolver, d: &[f64]) -> R
     moved(solver, &terms)
 }
 
-/// A random error in units of the least one that is assumed: of either sign, and of a size between one and two, since errors of one size
-/// cancel one another exactly where terms are equal.
-fn error(spread: &mut Random) -> f64 {
-    let random = spread.symmetric();
-    random + 1.0_f64.copysign(random)
-}
-
 /// How far roundings of terms of these sizes in the rows move a solution.
 fn moved(solver: &mut AutoSolver, terms: &[f64]) -> Result<Vec<f64>, LinearError> {
     let (mut widths, mut spread) = (vec![0.0_f64; terms.len()], Random::new(1));
     for _ in 0..PROBES {
-        let mut moved: Vec<f64> = terms.iter().map(|t| VALUE * t * error(&mut spread)).collect();
+        let mut moved: Vec<f64> = terms.iter().map(|t| VALUE * t * spread.error()).collect();
         solver.solve_in_place(&mut moved)?;
         for (w, v) in widths.iter_mut().zip(&moved) {
             *w = w.max(ALLOWANCE * v.abs());

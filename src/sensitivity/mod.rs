@@ -229,6 +229,11 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
         self.solved.lexicographic(&self.map, frame.iter())
     }
 
+    /// Whether more than one selection is active.
+    pub(crate) fn is_at_kink(&self) -> bool {
+        self.solved.smooth.is_none()
+    }
+
     /// The element along directions that need not be a frame: as many as there are, or until it is determined.
     pub(crate) fn element_along(
         &self,

@@ -74,10 +74,11 @@ enum Place {
     TipBoundary,
 }
 
-/// (x, F) of a block.
+/// (x, F) of a block, between ½ and 1½ from the axis of its cone: nearer to it surfaces are so curved that differences are not derivatives.
 fn block(random: &mut Random, len: usize, place: Place) -> (Vec<f64>, Vec<f64>) {
-    let v: Vec<f64> = random.vector(len - 1, 1.0);
-    let norm = dot(&v, &v).sqrt();
+    let mut v: Vec<f64> = random.vector(len - 1, 1.0);
+    let (length, norm) = (dot(&v, &v).sqrt(), 1.0 + 0.5 * random.vector(1, 1.0)[0]);
+    v.iter_mut().for_each(|v| *v *= norm / length);
     let with =
         |t: f64, sign: f64| -> Vec<f64> { [t].into_iter().chain(v.iter().map(|v| sign * v)).collect() };
     let zero = vec![0.0; len];

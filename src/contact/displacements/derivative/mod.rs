@@ -52,6 +52,16 @@ pub struct ReducedSensitivity<'a> {
     iterations: usize,
 }
 
+/// A displacement of a linear solve, or 0 where it is no more than the error of one whose largest displacement is given: at ties of a rate
+/// problem such a remainder would choose a side.
+fn known(displacement: f64, largest: f64) -> f64 {
+    if displacement.abs() <= TOLERANCE * largest {
+        0.0
+    } else {
+        displacement
+    }
+}
+
 enum Rates {
     Unprepared(RateMap),
     Ready {
@@ -450,9 +460,11 @@ impl ReducedSensitivity<'_> {
             (0..dim).map(move |d| (at + d, d * p + i))
         });
         let mut data: Vec<f64> = offsets.map(|(k, t)| u[k] + change.traces[t]).collect();
+        let largest = max_abs(&u);
+        data.iter_mut().for_each(|d| *d = known(*d, largest));
         data.push(change.alpha);
         data.extend(self.weak.iter().map(|&i| change.second[i]));
-        Ok((data, max_abs(&u)))
+        Ok((data, largest))
     }
 
     /// Why nothing is said where more selections are active at the weak nodes than are examined.
@@ -477,7 +489,9 @@ impl ReducedSensitivity<'_> {
                 h[column.0][column.1] = 1.0;
                 let (u, _) = self.forward(&none, &h)?;
                 let rows = self.weak.iter().map(|&i| self.components[i]);
-                map.set_column(k, rows.flat_map(|at| u[at..at + dim].iter().copied()));
+                let largest = max_abs(&u);
+                let column = rows.flat_map(|at| &u[at..at + dim]);
+                map.set_column(k, column.map(|u| known(*u, largest)));
             }
             let (n, k) = map.sizes();
             let found = Sensitivity::with_idle_parameters(map, &vec![0.0; n], &vec![0.0; k])?;
