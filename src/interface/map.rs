@@ -344,18 +344,24 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
 const PROBES: u64 = 4;
 
 impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
-    /// Adds what rounding may leave of test functions of the law at z: in condensed form, of the traces B A⁻¹ (f − Bᵀ λ), by random
-    /// roundings of the terms |A| |u|, |Bᵀ| |λ| and |f|.
+    /// Adds what rounding may leave of test functions of the law at z: in condensed form, of the traces B A⁻¹ f − B A⁻¹ Bᵀ λ, by
+    /// random roundings of the terms |A| |A⁻¹ f|, |A| |A⁻¹ Bᵀ λ|, |Bᵀ| |λ| and |f|.
     pub(super) fn add_roundings(&self, x: &[f64], z: &[f64], out: &mut [f64]) {
         let Some(reduced) = self.view.reduced() else {
             return;
         };
         let q = self.num_traces();
         let (lambda, parameters) = x.split_at(q);
-        let mut u = self.operator.load_at(parameters);
-        if reduced.expand(lambda, &mut u).is_err() {
+        // Those of the load and of the forces are computed each on its own, and may cancel.
+        let (mut u, mut free) = (
+            self.operator.load_at(parameters),
+            self.operator.load_at(parameters),
+        );
+        if reduced.expand(lambda, &mut u).is_err() || reduced.expand(&vec![0.0; q], &mut free).is_err() {
             return;
         }
+        let both = u.iter_mut().zip(&free);
+        both.for_each(|(u, free)| *u = free.abs() + (*u - free).abs());
         let mut terms = self.operator.load.terms(parameters, u.len());
         Matrix::as_ref(&self.operator.b_t).add_term_sizes(lambda, &mut terms);
         let mut largest = vec![0.0_f64; out.len()];
