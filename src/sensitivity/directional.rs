@@ -128,7 +128,7 @@ impl Solved {
         delta: &[f64],
     ) -> Result<(Vec<Vec<f64>>, bool), SensitivityError> {
         let active = &self.active;
-        let (mut list, mut complete): (Vec<Branch>, bool) = (Vec::new(), true);
+        let (mut list, mut complete): (Vec<Branch>, bool) = (Vec::new(), !self.is_doubtful);
         for selection in active.selections() {
             let found = match self.candidate(map, active, selection, delta) {
                 Ok(found) => found,

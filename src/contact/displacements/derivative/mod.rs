@@ -36,7 +36,7 @@ const PROBES: usize = 4;
 /// At a kink the nodes that it is at are freed, and their forces obey the law's rates: a problem in these forces alone, whose compliance
 /// takes one linear solve for each of them, once. What [`Sensitivity`] says of that problem is what is said of this one; products then
 /// take two solves each. Linear solves are known to a relative 1e-11: a kink far smaller than 1e-7 of the rates is not seen, and *differentiable*
-/// then undecided, and a rate problem that is singular but for that accuracy may be taken for a regular one.
+/// then undecided, and where a rate problem is singular but for that accuracy nothing is said.
 pub struct ReducedSensitivity<'a> {
     system: &'a mut SerialSystem,
     components: &'a [usize],
@@ -494,7 +494,8 @@ impl ReducedSensitivity<'_> {
                 map.set_column(k, column.map(|u| known(*u, largest)));
             }
             let (n, k) = map.sizes();
-            let found = Sensitivity::with_idle_parameters(map, &vec![0.0; n], &vec![0.0; k])?;
+            let mut found = Sensitivity::with_idle_parameters(map, &vec![0.0; n], &vec![0.0; k])?;
+            found.doubt_below(ALLOWANCE * TOLERANCE)?;
             self.rates = Some(Rates::Ready {
                 found: Box::new(found),
                 element: None,
