@@ -174,7 +174,7 @@ fn are_same(a: &[f64], b: &[f64]) -> bool {
 fn what_is_said_of_degenerate_bodies_holds() {
     let random = &mut Random::new(21);
     let mut counts = [0; 4];
-    'bodies: for _ in 0..super::cases("BODY_CASES", 400) {
+    'bodies: for _ in 0..super::cases("BODY_CASES", 2000) {
         let body = Body::new(random);
         let (n, p) = (body.a.len(), body.states.len());
         let [u, forces] = body.solution();
