@@ -36,6 +36,13 @@ impl Random {
         (self.next() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
+    /// A random error in units of the least one that is assumed: of either sign, and of a size between one and two, since errors of one
+    /// size cancel one another exactly where terms are equal.
+    pub(crate) fn error(&mut self) -> f64 {
+        let random = self.symmetric();
+        random + 1.0_f64.copysign(random)
+    }
+
     /// Uniform in 0..n; 0 for n = 0.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         ((self.next() >> 33) as usize) % n.max(1)

@@ -13,7 +13,7 @@ use crate::linear::LinearError;
 use crate::piecewise::PiecewiseSmooth;
 use crate::sensitivity::{Differentiability, Directional, Sensitivity, SensitivityError, Validity};
 use crate::sparse::{Matrix, Pattern};
-use crate::tolerances::COLUMNS;
+use crate::tolerances::{ALLOWANCE, COLUMNS};
 
 /// A change of a contact solution to first order.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,7 +82,8 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
     /// The solution x of this problem as a function of parameters of its data.
     ///
     /// # Complexity
-    /// In condensed form as many products B A⁻¹ as there are parameters or, if there are fewer, contact forces.
+    /// In condensed form as many products B A⁻¹ as there are parameters or, if there are fewer, contact forces; at kinks some more for each
+    /// parameter, from which their rounding is known.
     ///
     /// # Errors
     /// Parameters of a problem of another size, or none; a second load parameter; a law with another number of history variables than that
@@ -118,7 +119,7 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
         let equilibrium = parameters.equilibrium()?;
         // The rows of balance of a body that contact alone holds depend on no parameter but by the forces.
         let traces = parameters.traces(self.num_traces())?;
-        let columns = Columns {
+        let mut columns = Columns {
             traces: match self.view.reduced() {
                 None => traces,
                 Some(_) => condensed(self, &traces, &equilibrium)?,
@@ -129,13 +130,24 @@ impl<V: View, L: NodeLaw + Clone + Send + Sync + 'static> Contact<V, L> {
         };
         let (alpha, m) = (x[self.num_vars() - 1], self.num_residuals());
         let fixed = (!parameters.has_alpha()).then_some(alpha);
-        let base = self.exchanged(Arc::clone(&self.operator), self.view.clone(), nodes);
-        let map = Extended::new(base, columns, fixed)?;
         let mut theta = vec![0.0; parameters.len()];
         if parameters.has_alpha() {
             theta[0] = alpha;
         }
-        let inner = Sensitivity::new(map, &x[..m], &theta)?;
+        let made = |columns: Columns| -> Result<_, ContactError> {
+            let base = self.exchanged(Arc::clone(&self.operator), self.view.clone(), nodes.clone());
+            Ok(Sensitivity::new(
+                Extended::new(base, columns, fixed)?,
+                &x[..m],
+                &theta,
+            )?)
+        };
+        let mut inner = made(columns.clone())?;
+        if self.view.reduced().is_some() && inner.is_at_kink() {
+            // There remainders of rounding would choose a side.
+            columns.traces = without_rounding(self, &columns)?;
+            inner = made(columns)?;
+        }
         Ok(ContactSensitivity {
             inner,
             forces: self.law.own_traces(),
@@ -192,6 +204,33 @@ fn condensed<V: View, G: PiecewiseSmooth>(
         }
     }
     Ok(all)
+}
+
+/// T − B A⁻¹ E, 0 where that is no more than its rounding.
+fn without_rounding<V: View, G: PiecewiseSmooth>(
+    problem: &Interface<V, G>,
+    columns: &Columns,
+) -> Result<Matrix, LinearError> {
+    let (n, q) = (columns.equilibrium.nrows(), problem.num_traces());
+    let mut values = columns.traces.values().to_vec();
+    let mut unit = vec![0.0; columns.traces.ncols()];
+    for (j, column) in values.chunks_exact_mut(q.max(1)).enumerate() {
+        let mut forces = vec![0.0; n];
+        unit[j] = 1.0;
+        columns.equilibrium.as_ref().mul_add(1.0, &unit, &mut forces);
+        unit[j] = 0.0;
+        let terms = forces.iter().map(|f| f.abs()).collect();
+        solve(problem, &vec![0.0; q], &mut forces)?;
+        let samples = problem.roundings_of_traces(&forces, terms)?;
+        for (i, value) in column.iter_mut().enumerate() {
+            let own = samples.iter().skip(i).step_by(q);
+            let rounding = own.fold(0.0_f64, |m, r| m.max(r.abs()));
+            if value.abs() <= ALLOWANCE * rounding {
+                *value = 0.0;
+            }
+        }
+    }
+    Ok(Matrix::from_values(columns.traces.pattern().clone(), values)?)
 }
 
 impl<V: View> ContactSensitivity<V> {

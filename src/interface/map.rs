@@ -6,7 +6,7 @@ use super::fill_sizes;
 use super::operator::Operator;
 use super::view::{CondensedView, FullView, View};
 use crate::input::{check_size, check_vector};
-use crate::linear::{CondensedRows, Hierarchical};
+use crate::linear::{CondensedRows, Hierarchical, LinearError};
 use crate::piecewise::{
     Condensed, CondensedPieces, Derivatives, Description, ExactPieces, Facet, PiecewiseError,
     PiecewiseSmooth, PiecewiseSmoothExt, Selection, Structure,
@@ -340,34 +340,37 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
     }
 }
 
-/// Random signs with which the rounding of the terms of equilibrium is propagated to traces.
+/// Random errors with which the rounding of the terms of equilibrium is propagated to traces.
 const PROBES: u64 = 4;
 
 impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
-    /// Adds what rounding may leave of test functions of the law at z: in condensed form, of the traces B A⁻¹ (f − Bᵀ λ), by random
-    /// roundings of the terms |A| |u|, |Bᵀ| |λ| and |f|.
+    /// Adds what rounding may leave of test functions of the law at z: in condensed form, of the traces B A⁻¹ f − B A⁻¹ Bᵀ λ, by
+    /// random roundings of the terms |A| |A⁻¹ f|, |A| |A⁻¹ Bᵀ λ|, |Bᵀ| |λ| and |f|.
     pub(super) fn add_roundings(&self, x: &[f64], z: &[f64], out: &mut [f64]) {
         let Some(reduced) = self.view.reduced() else {
             return;
         };
         let q = self.num_traces();
         let (lambda, parameters) = x.split_at(q);
-        let mut u = self.operator.load_at(parameters);
-        if reduced.expand(lambda, &mut u).is_err() {
+        // Those of the load and of the forces are computed each on its own, and may cancel.
+        let (mut u, mut free) = (
+            self.operator.load_at(parameters),
+            self.operator.load_at(parameters),
+        );
+        if reduced.expand(lambda, &mut u).is_err() || reduced.expand(&vec![0.0; q], &mut free).is_err() {
             return;
         }
+        let both = u.iter_mut().zip(&free);
+        both.for_each(|(u, free)| *u = free.abs() + (*u - free).abs());
         let mut terms = self.operator.load.terms(parameters, u.len());
-        Matrix::as_ref(&self.operator.a).add_term_sizes(&u, &mut terms);
         Matrix::as_ref(&self.operator.b_t).add_term_sizes(lambda, &mut terms);
         let mut largest = vec![0.0_f64; out.len()];
-        for seed in 1..=PROBES {
-            let mut spread = Random::new(seed);
-            let sign = |t: &f64| (VALUE * t).copysign(spread.symmetric());
-            let Ok(traces) = reduced.traces_of_solution(&terms.iter().map(sign).collect::<Vec<_>>()) else {
-                return;
-            };
+        let Ok(traces) = self.roundings_of_traces(&u, terms) else {
+            return;
+        };
+        for traces in traces.chunks_exact(q.max(1)) {
             let (mut dz, mut moved) = (vec![0.0; z.len()], vec![0.0; out.len()]);
-            dz[..q].copy_from_slice(&traces);
+            dz[..q].copy_from_slice(traces);
             self.law.test_derivatives(z, &dz, &mut moved);
             for (l, m) in largest.iter_mut().zip(&moved) {
                 *l = l.max(m.abs());
@@ -376,6 +379,25 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         out.iter_mut()
             .zip(&largest)
             .for_each(|(o, l)| *o += ALLOWANCE * l);
+    }
+
+    /// In condensed form, samples of what roundings leave of the traces of a solution u of equilibrium, one after the other: of its terms
+    /// |A| |u| and of others of these sizes. None in full form.
+    pub(crate) fn roundings_of_traces(
+        &self,
+        u: &[f64],
+        mut terms: Vec<f64>,
+    ) -> Result<Vec<f64>, LinearError> {
+        let Some(reduced) = self.view.reduced() else {
+            return Ok(Vec::new());
+        };
+        Matrix::as_ref(&self.operator.a).add_term_sizes(u, &mut terms);
+        let mut samples = Vec::with_capacity(PROBES as usize * terms.len());
+        for seed in 1..=PROBES {
+            let mut spread = Random::new(seed);
+            samples.extend(terms.iter().map(|t| VALUE * t * spread.error()));
+        }
+        reduced.traces_of_solution(&samples)
     }
 }
 

@@ -6,7 +6,7 @@ use std::fmt;
 use super::SensitivityError;
 use super::element::Element;
 use super::parameters::Line;
-use super::point::{Solved, Verdict, is_too_many};
+use super::point::{OTHER, Solved, Verdict, is_too_many};
 use crate::continuation::ContinuationError;
 use crate::enumeration::{DirectionalArm, EnumerationOptions, all_arms};
 use crate::input::check_vector;
@@ -128,7 +128,7 @@ impl Solved {
         delta: &[f64],
     ) -> Result<(Vec<Vec<f64>>, bool), SensitivityError> {
         let active = &self.active;
-        let (mut list, mut complete): (Vec<Branch>, bool) = (Vec::new(), true);
+        let (mut list, mut complete): (Vec<Branch>, bool) = (Vec::new(), !self.is_doubtful);
         for selection in active.selections() {
             let found = match self.candidate(map, active, selection, delta) {
                 Ok(found) => found,
@@ -138,9 +138,10 @@ impl Solved {
                 }
                 Err(e) => return Err(e),
             };
+            // Two branches are those that are shown to differ.
             let is_known = |b: &Branch| {
                 let largest = max_abs(&b.rate).max(max_abs(&found.rate));
-                let mut errors = b.errors.iter().zip(&found.errors).map(|(a, b)| a + b);
+                let mut errors = b.errors.iter().zip(&found.errors).map(|(a, b)| OTHER * (a + b));
                 let near = |(a, b): (&f64, &f64)| {
                     (a - b).abs() <= (HALF_DIGITS * largest).max(errors.next().unwrap_or(0.0))
                 };

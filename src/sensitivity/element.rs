@@ -9,7 +9,7 @@ use crate::sparse::Matrix;
 use crate::spread::Random;
 use crate::tolerances::{DENSE, VALUE};
 
-/// Random signs with which the rounding of all terms is propagated, and the factor from the largest result to
+/// Random errors with which the rounding of all terms is propagated, and the factor from the largest result to
 /// a bound: with fewer or smaller ones, terms that happen to cancel would be taken for certain.
 const PROBES: usize = 4;
 const ALLOWANCE: f64 = 16.0;
@@ -134,10 +134,7 @@ impl Element {
         let (mut beside, mut spread) = (self.jacobian.clone(), Random::new(2));
         let mut terms = vec![0.0_f64; self.jacobian.nrows()];
         for _ in 0..PROBES {
-            let moved: Vec<f64> = at
-                .iter()
-                .map(|x| x + VALUE.copysign(spread.symmetric()) * x)
-                .collect();
+            let moved: Vec<f64> = at.iter().map(|x| x + VALUE * spread.error() * x).collect();
             derivatives(map, &moved, &self.selection, &mut beside)?;
             let mut apart = vec![0.0; terms.len()];
             beside.as_ref().mul_add(1.0, &d, &mut apart);
@@ -246,8 +243,7 @@ pub(super) fn widths(jacobian: &Matrix, solver: &mut AutoSolver, d: &[f64]) -> R
 fn moved(solver: &mut AutoSolver, terms: &[f64]) -> Result<Vec<f64>, LinearError> {
     let (mut widths, mut spread) = (vec![0.0_f64; terms.len()], Random::new(1));
     for _ in 0..PROBES {
-        let sign = |t: &f64| (VALUE * t).copysign(spread.symmetric());
-        let mut moved: Vec<f64> = terms.iter().map(sign).collect();
+        let mut moved: Vec<f64> = terms.iter().map(|t| VALUE * t * spread.error()).collect();
         solver.solve_in_place(&mut moved)?;
         for (w, v) in widths.iter_mut().zip(&moved) {
             *w = w.max(ALLOWANCE * v.abs());

@@ -131,8 +131,10 @@ fn entered(
 }
 
 /// The solution of fixed pieces of a member, and the test functions of the facets of their cells, positive inside.
-struct Place {
+pub(super) struct Place {
     x: Vec<f64>,
+    /// Whether the point given was this solution to half of all digits.
+    was_near: bool,
     values: Vec<f64>,
     /// By how much rounding may move them.
     roundings: Vec<f64>,
@@ -140,7 +142,7 @@ struct Place {
 
 impl Place {
     /// `None` where Newton's method does not find the solution from the point given.
-    fn new(
+    pub(super) fn new(
         map: &dyn PiecewiseSmooth,
         parameters: &[f64],
         selection: &Selection,
@@ -151,8 +153,8 @@ impl Place {
         let mut at = near.to_vec();
         at.extend(parameters);
         let mut r = vec![0.0; n];
-        let mut widths = None;
-        for _ in 0..STEPS {
+        let (mut widths, mut was_near) = (None, false);
+        for step in 0..STEPS {
             map.residual(selection, &at, &mut r);
             check_vector("the residual", &r, n)?;
             let mut element = match Element::new(map, &at, selection) {
@@ -167,6 +169,7 @@ impl Place {
                 .iter()
                 .zip(&own)
                 .all(|(d, w)| d.abs() <= w / WIDTH * HALF_DIGITS);
+            was_near |= is_small && step == 0;
             // Squared, the next step is rounding.
             let is_found = d.iter().zip(&own).all(|(d, w)| d.abs() <= *w);
             if is_found || widths.is_some() {
@@ -196,9 +199,18 @@ impl Place {
         at.truncate(n);
         Ok(Some(Self {
             x: at,
+            was_near,
             values,
             roundings,
         }))
+    }
+
+    pub(super) fn was_near(&self) -> bool {
+        self.was_near
+    }
+
+    pub(super) fn x(&self) -> &[f64] {
+        &self.x
     }
 
     fn is_inside(&self) -> bool {
@@ -206,7 +218,7 @@ impl Place {
     }
 
     /// Whether the parabolas through the values here, halfway and at the end of an interval are positive on it, but for rounding.
-    fn holds_to(&self, half: &Self, end: &Self) -> bool {
+    pub(super) fn holds_to(&self, half: &Self, end: &Self) -> bool {
         (0..self.values.len()).all(|k| {
             let [a, m, b] = [self, half, end].map(|place| place.values[k]);
             let rounding = [self, half, end]

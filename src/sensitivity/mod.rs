@@ -229,6 +229,17 @@ impl<P: PiecewiseSmooth> Sensitivity<P> {
         self.solved.lexicographic(&self.map, frame.iter())
     }
 
+    /// Says nothing of the solutions near a kink where an active selection has no larger reciprocal condition: for derivatives that are not
+    /// known to rounding.
+    pub(crate) fn doubt_below(&mut self, rcond: f64) -> Result<(), SensitivityError> {
+        self.solved.doubt_below(&self.map, rcond)
+    }
+
+    /// Whether more than one selection is active.
+    pub(crate) fn is_at_kink(&self) -> bool {
+        self.solved.smooth.is_none()
+    }
+
     /// The element along directions that need not be a frame: as many as there are, or until it is determined.
     pub(crate) fn element_along(
         &self,

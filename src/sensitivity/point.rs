@@ -21,7 +21,7 @@ const PROBES: usize = 6;
 const COLUMNS: usize = 64;
 const COMBINATIONS: u64 = 8;
 /// Multiple of the rounding of two rates from which they differ; they agree up to ALLOWANCE times it.
-const OTHER: f64 = 1e4;
+pub(super) const OTHER: f64 = 1e4;
 
 /// How the derivatives −J_σ⁻¹ ∂_θH^σ of the active selections compare.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,6 +58,8 @@ pub(super) struct Solved {
     pub(super) smooth: Option<Element>,
     /// At kinks.
     pub(super) verdict: Option<Verdict>,
+    /// Whether an active selection may be singular for all that is known of the derivatives.
+    pub(super) is_doubtful: bool,
 }
 
 impl Solved {
@@ -109,6 +111,7 @@ impl Solved {
             margin,
             smooth: None,
             verdict: None,
+            is_doubtful: false,
             active,
             at,
         };
@@ -122,6 +125,29 @@ impl Solved {
 
     pub(super) fn num_parameters(&self) -> usize {
         self.at.len() - self.n
+    }
+
+    /// Says nothing of the solutions near a kink where an active selection has no larger reciprocal condition.
+    pub(super) fn doubt_below(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
+        rcond: f64,
+    ) -> Result<(), SensitivityError> {
+        let total = self.active.total();
+        if self.verdict.is_none() || is_too_many(total, self.n) {
+            return Ok(());
+        }
+        for selection in self.active.selections() {
+            match Element::new(map, &self.at, &selection) {
+                Ok(mut element) => self.is_doubtful |= element.rcond() <= rcond,
+                Err(SensitivityError::Irregular { .. }) => self.is_doubtful = true,
+                Err(e) => return Err(e),
+            }
+        }
+        if self.is_doubtful {
+            self.verdict = Some(Verdict::Other(unexamined(total)));
+        }
+        Ok(())
     }
 
     /// Whether the solutions nearby are one function, and the active selections have one derivative.

@@ -5,9 +5,12 @@ use std::fmt;
 use super::SensitivityError;
 use super::directional::Branch;
 use super::element::Element;
+use super::family::Place;
 use super::parameters::Line;
 use super::point::{Solved, Verdict, hidden, spreads};
-use crate::continuation::{Continuation, ContinuationOptions, Direction, Event, Termination};
+use crate::continuation::{
+    Continuation, ContinuationOptions, Direction, Event, Termination, Transition, TransitionKind,
+};
 use crate::input::check_vector;
 use crate::input::{check_options, positive};
 use crate::piecewise::{PiecewiseSmooth, PiecewiseSmoothExt};
@@ -123,19 +126,63 @@ impl Solved {
         start.push(0.0);
         let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
         let mut curve = Continuation::new(&line, &start, Direction::Increasing, options)?;
-        let mut reached = 0.0;
+        let (mut reached, mut met) = (0.0, None::<(f64, Transition)>);
         for event in curve.by_ref() {
             let event = event?;
             reached = event.parameter();
-            let is_kink = !matches!(event, Event::Point(_) | Event::Monitor(_));
-            // Those at the start are the kink that the solution is on.
-            if is_kink && reached > SAME {
-                return Ok(Validity::Followed(horizon * reached));
+            if let Some((at, transition)) = met.take() {
+                let is_left = reached - at <= SAME.sqrt()
+                    || !self.goes_on(map, (delta, horizon), &transition, event.x())?;
+                if is_left {
+                    return Ok(Validity::Followed(horizon * at));
+                }
             }
+            // Those at the start are the kink that the solution is on.
+            let is_kink = !matches!(event, Event::Point(_) | Event::Monitor(_)) && reached > SAME;
+            match event {
+                Event::Transition(own) if is_kink && own.kind == TransitionKind::PassThrough => {
+                    met = Some((reached, own));
+                }
+                _ if is_kink => return Ok(Validity::Followed(horizon * reached)),
+                _ => {}
+            }
+        }
+        if let Some((at, _)) = met {
+            return Ok(Validity::Followed(horizon * at));
         }
         Ok(match curve.termination() {
             None | Some(Termination::ParameterRange) => Validity::Beyond(horizon),
             Some(why) => Validity::Lost(horizon * reached, why),
         })
+    }
+    /// Whether the piece on which a curve arrives at a transition is still its piece from there to a later point: where two pieces have one
+    /// solution along the curve, which runs on the kink between them, rounding alone tells which of them is followed.
+    fn goes_on(
+        &self,
+        map: &dyn PiecewiseSmooth,
+        (delta, horizon): (&[f64], f64),
+        transition: &Transition,
+        later: &[f64],
+    ) -> Result<bool, SensitivityError> {
+        let place = |s: f64, near: &[f64]| {
+            let moved = self.at[self.n..].iter().zip(delta);
+            let theta: Vec<f64> = moved.map(|(t, d)| t + s * horizon * d).collect();
+            Place::new(map, &theta, &transition.before, &self.layout, near)
+        };
+        let (from, to) = (transition.parameter(), later[self.n]);
+        let (Some(here), Some(there)) = (
+            place(from, &transition.x[..self.n])?,
+            place(to, &later[..self.n])?,
+        ) else {
+            return Ok(false);
+        };
+        let half: Vec<f64> = here
+            .x()
+            .iter()
+            .zip(there.x())
+            .map(|(a, b)| 0.5 * (a + b))
+            .collect();
+        let half = place(0.5 * (from + to), &half)?;
+        Ok(there.was_near() && half.is_some_and(|half| here.holds_to(&half, &there)))
     }
 }

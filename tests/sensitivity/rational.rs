@@ -302,15 +302,6 @@ impl Problem {
             .any(|s| sign(&s, parts[0]) != sign(&s, parts[1]))
     }
 
-    /// Whether several selections have one and the same solution for all s given: multipliers of none then stay 0 along the curve.
-    fn coincides(&self, delta: [i128; K], parts: &[i128], whole: i128) -> bool {
-        let holds = |s: &&Vec<Piece>| {
-            let mut parts = parts.iter();
-            self.rate(s, delta).is_some() && parts.all(|p| self.solution(s, delta, *p, whole).is_some())
-        };
-        choices(&self.active()).iter().filter(holds).count() > 1
-    }
-
     /// In floating-point numbers; if rounded, in units in which no number is stored exactly.
     fn in_floats(&self, rounded: bool) -> InFloats {
         let n = self.len();
@@ -586,17 +577,19 @@ fn examine<P: PiecewiseSmooth>(
         }
     }
     for delta in FAN.into_iter().step_by(5) {
-        let until = match found.valid_until(&floats(delta), 1.0).unwrap() {
-            Validity::Followed(s) => s,
+        // Half as fast, and twice as far.
+        let half = floats(delta).map(|d| 0.5 * d);
+        let until = match found.valid_until(&half, 2.0).unwrap() {
+            Validity::Followed(s) => 0.5 * s,
             Validity::Beyond(s) => {
-                assert_eq!(s, 1.0);
+                assert_eq!(s, 2.0);
                 seen.beyond += 1;
                 assert!(problem.holds(delta, &[16, 32, 48, 63], 64), "beyond: {delta:?}");
                 continue;
             }
             // Towards a pole steps fall geometrically; what was followed is right.
             Validity::Lost(s, why) => {
-                let part = (s * FINE as f64).floor() as i128 - 1;
+                let part = (0.5 * s * FINE as f64).floor() as i128 - 1;
                 assert!(
                     problem.holds(delta, &[part / 4, part / 2, part], FINE),
                     "{s}: {why}"
@@ -616,9 +609,7 @@ fn examine<P: PiecewiseSmooth>(
         let beyond = (until * FINE as f64).floor() as i128 + 2;
         let way: Vec<i128> = (1..16).map(|k| k * beyond / 16).chain([beyond]).collect();
         assert!(
-            !problem.holds(delta, &way, FINE)
-                || problem.coincides(delta, &way, FINE)
-                || problem.turns(delta, [part, beyond], FINE),
+            !problem.holds(delta, &way, FINE) || problem.turns(delta, [part, beyond], FINE),
             "more than {until} along {delta:?}"
         );
         seen.ends += 1;
@@ -723,8 +714,7 @@ impl SmoothFunction for AtParameters {
 /// the piece does; where solutions are not one function, the branches are the exact ones. `RATIONAL_CASES` examines more problems.
 #[test]
 fn matrices_that_depend_on_parameters() {
-    let more = std::env::var("RATIONAL_CASES");
-    let cases = more.ok().and_then(|text| text.parse().ok()).unwrap_or(300);
+    let cases = super::cases("RATIONAL_CASES", 300);
     for rounded in [false, true] {
         let seen = examined(0..cases, rounded);
         println!("{seen:?}");
@@ -745,4 +735,11 @@ fn matrices_that_depend_on_parameters() {
         ];
         assert!(all.iter().all(|count| *count > 3), "{all:?}");
     }
+}
+
+/// Parameters that do not move the solution to first order, in data that are rounded, at a point that is not strongly regular: one branch,
+/// although selections have rates of the size of roundings.
+#[test]
+fn rates_of_rounding_are_no_branches() {
+    assert_eq!(examined(428..429, true).branches, FAN.len());
 }

@@ -188,3 +188,18 @@ fn points_are_corrected_and_the_nearest_kink_counts() {
         "{near} {both}"
     );
 }
+
+/// Of a point that is no solution the error tells how far off it is, in which unknown, and by which residual: 4 (x₁ − θ) at x₁ = θ − 2.
+#[test]
+fn errors_tell_how_far_off_points_are() {
+    let map = parametric(2, 1, |x, p| vec![x[0] - p[0], 4.0 * (x[1] - p[0])]);
+    let Err(SensitivityError::NoSolution {
+        variable,
+        distance,
+        residual,
+    }) = Sensitivity::new(map, &[3.0, 1.0], &[3.0])
+    else {
+        panic!("a solution");
+    };
+    assert_eq!((variable, distance, residual), (1, 2.0, 8.0));
+}

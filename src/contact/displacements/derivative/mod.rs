@@ -35,8 +35,9 @@ const PROBES: usize = 4;
 ///
 /// At a kink the nodes that it is at are freed, and their forces obey the law's rates: a problem in these forces alone, whose compliance
 /// takes one linear solve for each of them, once. What [`Sensitivity`] says of that problem is what is said of this one; products then
-/// take two solves each. Linear solves are known to a relative 1e-11: a kink far smaller than 1e-7 of the rates is not seen, and *differentiable*
-/// then undecided, and a rate problem that is singular but for that accuracy may be taken for a regular one.
+/// take two solves each. Where nodes slip the linear system may be singular: one solve with a random right-hand side, before anything is
+/// said of a solution, tells. [`jvp`](Self::jvp) and [`vjp`](Self::vjp) away from kinks do without it. Linear solves are known to a relative 1e-11: a kink far smaller than 1e-7 of the rates is not seen, and *differentiable*
+/// then undecided, and where a rate problem is singular but for that accuracy nothing is said.
 pub struct ReducedSensitivity<'a> {
     system: &'a mut SerialSystem,
     components: &'a [usize],
@@ -49,7 +50,19 @@ pub struct ReducedSensitivity<'a> {
     /// The nodes at kinks, in ascending order, and their rate problem: before its first use without the compliance.
     weak: Vec<usize>,
     rates: Option<Rates>,
+    /// Whether the linear system is known to be regular.
+    is_regular: bool,
     iterations: usize,
+}
+
+/// A displacement of a linear solve, or 0 where it is no more than the error of one whose largest displacement is given: at ties of a rate
+/// problem such a remainder would choose a side.
+fn known(displacement: f64, largest: f64) -> f64 {
+    if displacement.abs() <= TOLERANCE * largest {
+        0.0
+    } else {
+        displacement
+    }
 }
 
 enum Rates {
@@ -206,6 +219,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             margin: f64::INFINITY,
             weak: Vec::new(),
             rates: None,
+            is_regular: false,
             iterations: 0,
         };
         made.select(law.num_tangents())?;
@@ -239,6 +253,7 @@ impl ReducedSensitivity<'_> {
     /// A solve that does not converge.
     pub fn differentiable(&mut self) -> Result<Differentiability, SensitivityError> {
         if self.weak.is_empty() {
+            self.check_regular()?;
             return Ok(Differentiability::Yes { margin: self.margin });
         }
         if let Some(doubt) = self.too_many() {
@@ -301,6 +316,7 @@ impl ReducedSensitivity<'_> {
     pub fn directional(&mut self, delta: &[f64]) -> Result<Directional, SensitivityError> {
         let change = self.change(delta)?;
         if self.weak.is_empty() {
+            self.check_regular()?;
             return Ok(Directional::Derivative(self.moved(&change, &[])?.displacements));
         }
         let (data, _) = self.data_of_weak(&change)?;
@@ -450,9 +466,11 @@ impl ReducedSensitivity<'_> {
             (0..dim).map(move |d| (at + d, d * p + i))
         });
         let mut data: Vec<f64> = offsets.map(|(k, t)| u[k] + change.traces[t]).collect();
+        let largest = max_abs(&u);
+        data.iter_mut().for_each(|d| *d = known(*d, largest));
         data.push(change.alpha);
         data.extend(self.weak.iter().map(|&i| change.second[i]));
-        Ok((data, max_abs(&u)))
+        Ok((data, largest))
     }
 
     /// Why nothing is said where more selections are active at the weak nodes than are examined.
@@ -466,6 +484,7 @@ impl ReducedSensitivity<'_> {
 
     /// The rate problem of the weak nodes, with its compliance.
     fn prepared(&mut self) -> Result<&mut Sensitivity<RateMap>, SensitivityError> {
+        self.check_regular()?;
         if let Some(Rates::Unprepared(map)) = &self.rates {
             let (mut map, dim) = (map.clone(), self.system.body().dim());
             let none = vec![0.0; self.system.body().len()];
@@ -477,10 +496,13 @@ impl ReducedSensitivity<'_> {
                 h[column.0][column.1] = 1.0;
                 let (u, _) = self.forward(&none, &h)?;
                 let rows = self.weak.iter().map(|&i| self.components[i]);
-                map.set_column(k, rows.flat_map(|at| u[at..at + dim].iter().copied()));
+                let largest = max_abs(&u);
+                let column = rows.flat_map(|at| &u[at..at + dim]);
+                map.set_column(k, column.map(|u| known(*u, largest)));
             }
             let (n, k) = map.sizes();
-            let found = Sensitivity::with_idle_parameters(map, &vec![0.0; n], &vec![0.0; k])?;
+            let mut found = Sensitivity::with_idle_parameters(map, &vec![0.0; n], &vec![0.0; k])?;
+            found.doubt_below(ALLOWANCE * TOLERANCE)?;
             self.rates = Some(Rates::Ready {
                 found: Box::new(found),
                 element: None,

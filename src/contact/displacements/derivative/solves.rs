@@ -1,12 +1,13 @@
 //! Solves with the linearised system at a solution and with its transpose, and how far the solution is from a kink.
 
-use super::{ALLOWANCE, ReducedSensitivity, TOLERANCE};
+use super::{ALLOWANCE, Local, ReducedSensitivity, TOLERANCE};
 use crate::contact::NodeLaw;
 use crate::contact::displacements::system::ReducedSystem;
 use crate::contact::law::{LocalRow, LocalValues, MAX_TESTS};
 use crate::linear::{KrylovReport, LinearError};
 use crate::sensitivity::SensitivityError;
 use crate::sparse::max_abs;
+use crate::spread::Random;
 use crate::tolerances::{MOVED, ROUNDING};
 
 impl ReducedSensitivity<'_> {
@@ -109,6 +110,21 @@ impl ReducedSensitivity<'_> {
         });
         let of_h = of_h.collect();
         Ok((all, of_h))
+    }
+
+    /// With a random right-hand side, which a singular system cannot have: with one that it can have it is solved, too. Without slip,
+    /// which couples tangents to pressures, the system is definite.
+    pub(super) fn check_regular(&mut self) -> Result<(), LinearError> {
+        let is_coupled = |local: &Local| local.node.coupling.iter().any(|c| *c != 0.0);
+        if !self.is_regular && self.nodes.iter().any(is_coupled) {
+            let mut spread = Random::new(1);
+            let e: Vec<f64> = (0..self.system.body().len())
+                .map(|_| spread.symmetric())
+                .collect();
+            self.forward(&e, &vec![[0.0; 3]; self.nodes.len()])?;
+        }
+        self.is_regular = true;
+        Ok(())
     }
 
     fn accept(&mut self, outcome: KrylovReport) -> Result<(), LinearError> {
