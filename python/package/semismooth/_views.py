@@ -17,6 +17,7 @@ _KINDS = {
     "pass-through": "transition",
     "fold": "fold",
     "smooth fold": "smooth fold",
+    "turning point": "fold",
     "vertical segment begins": "vertical segment",
     "vertical segment ends": "vertical segment",
     "vertical segment": "vertical segment",
