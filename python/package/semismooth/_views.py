@@ -339,7 +339,7 @@ def _columns(m: int) -> list[int]:
 
 
 def _drawn_vertices(marks: Iterable[tuple[str, Any]]) -> list[dict[str, Any]]:
-    vertices = []
+    vertices: list[dict[str, Any]] = []
     for event, x in marks:
         kind = _KINDS.get(event)
         if kind is not None and kind not in ("smooth fold", "start", "Hopf point"):
@@ -365,7 +365,8 @@ def _curve_drawing(branch: Any) -> dict[str, Any]:
     points, tangents, events = branch.points, branch.tangents, branch.events
     words = [dict(site) for site in branch._legend]
     looks = [(tuple(p), (s or 0) < 0) for p, s in zip(branch.pieces, branch._segment_signs)]
-    every, start, edges = _thin(len(points)), 0, []
+    edges: list[dict[str, Any]] = []
+    every, start = _thin(len(points)), 0
     for i in range(1, len(looks) + 1):
         # Corners are not rounded: edges end at them.
         if i == len(looks) or looks[i] != looks[start] or events[i] not in ("point", "smooth fold"):
@@ -383,7 +384,8 @@ def _curve_drawing(branch: Any) -> dict[str, Any]:
 
 def _diagram_drawing(diagram: Any) -> dict[str, Any]:
     words = [dict(site) for site in diagram._legend]
-    every, edges = _thin(sum(len(edge.points) for edge in diagram.edges)), []
+    edges: list[dict[str, Any]] = []
+    every = _thin(sum(len(edge.points) for edge in diagram.edges))
     for edge in diagram.edges:
         few = 0 < len(edge.pieces) <= 2
         label = ", ".join(site.get(piece, piece) for site, piece in zip(words, edge.pieces)) if few else ""
