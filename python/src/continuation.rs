@@ -507,6 +507,8 @@ pub(crate) fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction>
 ///     Real functions of x; where one changes its sign the zero is located and listed in ``crossings``. Those of ``stops`` end the curve.
 /// callback : callable, optional
 ///     Called with a dict of "event", "x", "parameter" and "arclength" at each point; returns True to stop.
+/// verbose, progress : bool, optional
+///     A line printed for each point; a bar that counts them, with tqdm where it is installed.
 /// names : list of str, optional
 ///     Names of the n + 1 variables, for tables and pictures.
 /// **options

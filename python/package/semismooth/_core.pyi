@@ -444,6 +444,10 @@ class _McpOptions(TypedDict, total=False):
     max_nodes: int
     restarts: int
 
+class _ToldMcpOptions(_McpOptions, total=False):
+    verbose: bool
+    progress: bool
+
 def solve(
     H: Callable[..., Any] | Map | tuple[_Matrix, ArrayLike],
     x0: ArrayLike,
@@ -452,7 +456,7 @@ def solve(
     pattern: _Matrix | None = None,
     params: ArrayLike | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
-    **options: Unpack[_McpOptions],
+    **options: Unpack[_ToldMcpOptions],
 ) -> McpResult: ...
 def solve_lcp(
     M: _Matrix,
@@ -462,7 +466,7 @@ def solve_lcp(
     *,
     x0: ArrayLike | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
-    **options: Unpack[_McpOptions],
+    **options: Unpack[_ToldMcpOptions],
 ) -> McpResult | Any: ...  # BatchResult with a leading dimension
 def solve_mcp(
     F: Callable[..., Any] | Map | tuple[_Matrix, ArrayLike],
@@ -474,7 +478,7 @@ def solve_mcp(
     pattern: _Matrix | None = None,
     params: ArrayLike | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
-    **options: Unpack[_McpOptions],
+    **options: Unpack[_ToldMcpOptions],
 ) -> McpResult | Any: ...  # BatchResult with a leading dimension
 
 @final
@@ -717,6 +721,10 @@ class _ContinuationOptions(TypedDict, total=False):
 class _FollowOptions(_ContinuationOptions, total=False):
     max_points: int
 
+class _ToldFollowOptions(_FollowOptions, total=False):
+    verbose: bool
+    progress: bool
+
 def follow(
     H: Callable[[Any], Any] | Map | ContactProblem | tuple[_Matrix, ArrayLike],
     x0: ArrayLike | ContactSolution,
@@ -732,7 +740,7 @@ def follow(
     stops: dict[str, Callable[[_Vector], float] | Map] | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
     names: Sequence[str] | None = None,
-    **options: Unpack[_FollowOptions],
+    **options: Unpack[_ToldFollowOptions],
 ) -> Branch: ...
 
 def report(
