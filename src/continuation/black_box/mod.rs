@@ -538,7 +538,7 @@ fn first(system: &mut System<'_>, x: &[f64], direction: &Direction) -> Result<St
         ));
     };
     let part = dot(&tangent, &row) / norm(&row);
-    if !(part.abs() > CHECKED) {
+    if part.abs() <= CHECKED || part.is_nan() {
         return Err(undecided(
             wanted,
             "the tangent of the Jacobian at the start has no part in this direction; give a direction as a vector, or start elsewhere",
