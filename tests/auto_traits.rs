@@ -395,7 +395,9 @@ fn of_svg() -> Vec<&'static str> {
 }
 
 /// Types that are not `Send + Sync`, and why.
-const NOT_SHARED: [&str; 6] = [
+const NOT_SHARED: [&str; 7] = [
+    // The map and closures of the caller, which may be a program of one thread.
+    "continuation::BlackBoxCurve",
     // `Send`, not `Sync`: it advances through `&mut self` alone, and owns monitors of the caller.
     "continuation::Continuation",
     // Closures of the caller, which may borrow from the thread; the writers own such columns and a writer of the caller.

@@ -3,6 +3,7 @@
 
 mod compare;
 pub mod formulas;
+mod guide;
 pub mod record;
 mod shown;
 

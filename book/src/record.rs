@@ -1,4 +1,5 @@
-//! Runs the programs of the lessons and compares what they print and draw with the files in `out` that the text includes.
+//! Runs the programs of the lessons and compares what they print and draw with the files in `out` that the text includes; and the pages
+//! of the guide with those of the crate's documentation.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -7,6 +8,7 @@ use std::process::Command;
 
 use crate::Outcome;
 use crate::compare::difference;
+use crate::guide;
 use crate::shown;
 
 /// What is to be run.
@@ -49,7 +51,7 @@ pub fn all(task: &Task) -> Outcome<()> {
     let mut lessons = Vec::new();
     for entry in fs::read_dir(&root)? {
         let entry = entry?;
-        if entry.file_type()?.is_dir() {
+        if entry.path().join("lesson.md").exists() {
             lessons.push(entry.file_name().to_string_lossy().into_owned());
         }
     }
@@ -68,6 +70,10 @@ pub fn all(task: &Task) -> Outcome<()> {
     {
         one(task, &root.join(lesson), lesson, &mut tally)?;
     }
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../src/guide");
+    tally
+        .wrong
+        .extend(guide::pages(&source, &root.join("guide"), task.writes)?);
     for name in &tally.skipped {
         println!("{name}: skipped, what runs it is not there");
     }

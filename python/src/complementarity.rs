@@ -226,6 +226,8 @@ impl McpResult {
 /// callback : callable, optional
 ///     Called with a dict on each iterate, and with residual and merit NaN for points of paths, during enumeration, and for starts at
 ///     which F is not finite; returns True to stop.
+/// verbose, progress : bool, optional
+///     A line printed for each iterate; a bar that counts them, with tqdm where it is installed.
 /// **options
 ///     tolerance (1e-10, relative to the terms of each row), acceptable (1e-8), max_iterations, max_time (60 seconds; None: no limit),
 ///     strategies (a list of names such as "Newton", "enumeration"), fallbacks, max_nodes, restarts and others of McpOptions.

@@ -209,7 +209,8 @@ impl Branch {
         let kinks = kinks.map(|t| (t.arclength, &t.x, "kink"));
         let smooth = found.smooth_folds.iter();
         let smooth = smooth.map(|p| (p.arclength, &p.x, "smooth"));
-        let mut folds: Vec<_> = kinks.chain(smooth).collect();
+        let turns = found.turns.iter().map(|p| (p.arclength, &p.x, "not known"));
+        let mut folds: Vec<_> = kinks.chain(smooth).chain(turns).collect();
         folds.sort_by(|a, b| a.0.total_cmp(&b.0));
         let fold =
             |(arclength, x, kind): (f64, &Vec<f64>, _)| Py::new(py, Fold::new(py, x, kind, Some(arclength)));
@@ -344,7 +345,22 @@ impl Branch {
             .call_method1("branch_html", (slf,))
     }
 
+    /// Whether the kinks of the function are known: if not (see ``jac`` of :func:`follow`), no transitions and branch points are listed
+    /// although there may be some, and folds are at kinks or smooth.
+    #[getter]
+    fn pieces_known(&self) -> bool {
+        !self.found.is_black_box
+    }
+
     fn __repr__(&self) -> String {
+        if self.found.is_black_box {
+            return format!(
+                "<Branch: {}, {}, pieces not known, ended: {}>",
+                counted(self.__len__(), "point"),
+                counted(self.folds.len(), "turning point"),
+                self.termination
+            );
+        }
         format!(
             "<Branch: {}, {}, {}, ended: {}>",
             counted(self.__len__(), "point"),
@@ -478,7 +494,11 @@ pub(crate) fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction>
 /// direction : "increasing", "decreasing" or array of shape (n + 1,), optional
 ///     With increasing (the default) or decreasing parameter, or along the arm nearest to a vector (one of ``arms`` of a transition).
 /// jac : callable or "differences", optional
-///     ``jac(x)`` of shape (n, n + 1), dense or scipy.sparse: H is then called, not traced, and must be smooth.
+///     ``jac(x)`` of shape (n, n + 1), dense or scipy.sparse: H is then called, not traced, and its kinks are not known (at a kink ``jac`` may
+///     be that of either side). Points where the parameter turns and zeros of monitors are located; transitions and branch points are not
+///     listed, and what begins and ends within half a step may be passed over.
+/// smooth : bool, optional
+///     True: a promise that the function with ``jac`` has no kinks, so that folds are smooth ones and branch points are located.
 /// pattern : matrix of shape (n, n + 1), optional
 ///     The sparsity pattern of the Jacobian, as for :func:`solve_mcp`.
 /// lower, upper : number or array of shape (n,), optional
@@ -487,6 +507,8 @@ pub(crate) fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction>
 ///     Real functions of x; where one changes its sign the zero is located and listed in ``crossings``. Those of ``stops`` end the curve.
 /// callback : callable, optional
 ///     Called with a dict of "event", "x", "parameter" and "arclength" at each point; returns True to stop.
+/// verbose, progress : bool, optional
+///     A line printed for each point; a bar that counts them, with tqdm where it is installed.
 /// names : list of str, optional
 ///     Names of the n + 1 variables, for tables and pictures.
 /// **options
@@ -506,7 +528,7 @@ pub(crate) fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction>
 /// [('fold', 1.0, 1.0), ('fold', 3.0, 0.5)]
 #[pyfunction]
 #[pyo3(signature = (
-    H, x0, parameter_range=None, direction=None, *, jac=None, pattern=None, lower=None, upper=None,
+    H, x0, parameter_range=None, direction=None, *, jac=None, pattern=None, lower=None, upper=None, smooth=None,
     monitors=None, stops=None, callback=None, names=None, **options
 ))]
 fn follow(
@@ -519,6 +541,7 @@ fn follow(
     pattern: Option<&Bound<'_, PyAny>>,
     lower: Option<&Bound<'_, PyAny>>,
     upper: Option<&Bound<'_, PyAny>>,
+    smooth: Option<bool>,
     monitors: Option<&Bound<'_, PyDict>>,
     stops: Option<&Bound<'_, PyDict>>,
     callback: Option<Py<PyAny>>,
@@ -526,6 +549,12 @@ fn follow(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Branch> {
     let x0 = point(x0)?;
+    let called = jac.is_some() && lower.is_none() && upper.is_none();
+    if smooth.is_some() && !called {
+        return Err(PyValueError::new_err(
+            "smooth says something of a function with jac and without bounds; of others the kinks are known",
+        ));
+    }
     let given = Given {
         jac,
         pattern,
@@ -545,7 +574,13 @@ fn follow(
     };
     let m = travel.x0.len();
     let variables = variables(names, m)?;
-    let (found, names) = Run::detached(py, |run| travel.along(run, &*problem.map(run)?))?;
+    let (found, names) = Run::detached(py, |run| {
+        let map = problem.map(run)?;
+        match called && smooth != Some(true) {
+            true => travel.through(run, &*map),
+            false => travel.along(run, &*map),
+        }
+    })?;
     Branch::new(py, found, names.with(&problem, variables), m)
 }
 
@@ -573,14 +608,32 @@ impl Travel {
         let found = core::Branch::collect(curve, |event| told(run, self.callback.as_ref(), event));
         Ok((found.map_err(raised)?, Names::of(map)))
     }
+
+    /// The same for a map whose kinks are not known.
+    fn through(self, run: &Run, map: &dyn PiecewiseSmooth) -> PyResult<(core::Branch, Names)> {
+        let mut curve = core::BlackBoxCurve::new(map, &self.x0, self.direction, self.options)
+            .until(|| run.poll().is_break());
+        for monitor in &self.monitors {
+            let function = |x: &[f64]| monitor.value(run, x);
+            curve = match monitor.stops {
+                true => curve.with_stop(&monitor.name, function),
+                false => curve.with_monitor(&monitor.name, function),
+            };
+        }
+        let found = curve.follow_observed(|vertex| passed(run, self.callback.as_ref(), vertex));
+        Ok((found.map_err(raised)?, Names::of(map)))
+    }
 }
 
 /// Calls a callback with a point.
 pub(crate) fn told(run: &Run, callback: Option<&Py<PyAny>>, event: &Event) -> ControlFlow<()> {
+    passed(run, callback, &core::BranchVertex::from(event))
+}
+
+fn passed(run: &Run, callback: Option<&Py<PyAny>>, vertex: &core::BranchVertex<'_>) -> ControlFlow<()> {
     let Some(callback) = callback else {
         return run.poll();
     };
-    let vertex = core::BranchVertex::from(event);
     let stop = run.call(|py| {
         let told = PyDict::new(py);
         told.set_item("event", vertex.event)?;

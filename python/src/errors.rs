@@ -11,7 +11,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 create_exception!(
-    _core,
+    semismooth,
     SemismoothError,
     PyValueError,
     "A problem, an option or a start that semismooth cannot use; the message says which and why."

@@ -155,7 +155,7 @@ pub(crate) struct Fold {
     pub(crate) x: Py<PyArray1<f64>>,
     /// The parameter.
     pub(crate) parameter: f64,
-    /// "kink" where pieces change at the fold, "smooth" inside a cell.
+    /// "kink" where pieces change at the fold, "smooth" inside a cell; "not known" where the kinks of the function are not known.
     pub(crate) kind: String,
     /// Arclength from the start of the branch; None in diagrams.
     pub(crate) arclength: Option<f64>,

@@ -204,5 +204,11 @@ pub(crate) fn add(jacobian: &Bound<'_, PyAny>, x: &[f64], jac: &mut Matrix) -> P
         )));
     }
     jac.add_block(0, 0, 1.0, &given);
+    if let Some((row, col)) = jac.stray() {
+        return Err(PyValueError::new_err(format!(
+            "the Jacobian has an entry at ({row}, {col}) that is not in its pattern, which is that of jac at the start unless given: write \
+             pattern=, a matrix with all entries that may differ from 0"
+        )));
+    }
     Ok(())
 }

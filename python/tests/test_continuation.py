@@ -318,8 +318,9 @@ def test_ctrl_c_ends_a_curve(called):
     def derivative(x):
         return [[1.0, 0.0, -50 * np.cos(50 * x[2])], [0.0, 1.0, 50 * np.sin(50 * x[2])]]
 
-    threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    timer = threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):
+        timer.start()
         ss.follow(helix, [0.0, 1.0, 0.0], jac=derivative if called else None, max_step=1e-3, step=1e-3, max_points=10**9, max_growth=1e300)
 
 

@@ -113,3 +113,18 @@ def test_jumps_are_reported_where_a_run_fails():
     assert traced.check([[0.3], [1.9], [-2.0]]) == []
     with pytest.raises(ss.SemismoothError):
         traced.check([])
+
+
+def test_runs_tell_what_they_do(capsys):
+    seen = []
+    ss.solve(lambda x: x**2 - 2, 1.0, verbose=True, callback=lambda now: seen.append(now))
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(seen) and all("residual" in line for line in lines)
+    branch = ss.follow(lambda x: [abs(x[0]) - x[1]], [1.0, 1.0], (-1.0, 2.0), "decreasing", verbose=True, progress=True)
+    out, error = capsys.readouterr()
+    assert len(out.splitlines()) == len(branch) and "fold" in out
+    # The bar is on the other stream, with tqdm or without.
+    assert str(len(branch)) in error
+    # A callback ends the run as before.
+    stopped = ss.follow(lambda x: [x[0] - x[1] ** 3], [0.0, 0.0], (0.0, 9.0), callback=lambda now: True, verbose=True)
+    assert stopped.termination == "interrupted"

@@ -1,5 +1,6 @@
-"""Ctrl-C ends long runs of every kind, each of which would take hours, within a tenth of a second."""
+"""Ctrl-C ends long runs of every kind, each of which would take hours."""
 
+import faulthandler
 import functools
 import os
 import signal
@@ -159,30 +160,32 @@ WORK = [
 ]
 
 
-def seconds_to_end(work):
-    """From the signal to the exception, sent half a second after the start."""
-    sent = []
-
-    def send():
-        sent.append(time.perf_counter())
-        os.kill(os.getpid(), signal.SIGINT)
-
-    timer = threading.Timer(0.5, send)
-    timer.start()
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            # Runs that end are repeated.
-            while True:
-                work()
-        return time.perf_counter() - sent[0]
-    finally:
-        timer.cancel()
+#: A run that does not look for signals ends the tests, with the place where it is, after this number of seconds.
+WATCHDOG = 600
 
 
 @pytest.mark.parametrize("work", WORK)
-def test_ctrl_c_ends_within_a_tenth_of_a_second(work):
-    # Under load one try in ten is in time; where the library does not check for signals, none is.
-    assert any(seconds_to_end(work) < 0.1 for _ in range(10))
+def test_ctrl_c_ends_long_runs(work):
+    begun = threading.Event()
+
+    def send():
+        begun.wait()
+        # By now, as a rule, the run is in the library; if it is not yet, the interpreter raises the same exception.
+        time.sleep(0.3)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=send)
+    faulthandler.dump_traceback_later(WATCHDOG, exit=True)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            thread.start()
+            begun.set()
+            # Runs that end are repeated: without the exception this never ends.
+            while True:
+                work()
+    finally:
+        thread.join()
+        faulthandler.cancel_dump_traceback_later()
 
 
 def test_interrupts_amid_conversions_come_out_unchanged():

@@ -249,7 +249,7 @@ def test_notebooks_show_pictures_and_tables():
     pytest.importorskip("matplotlib")
     branch, diagram, listed = (RESULTS[k]._repr_html_() for k in (9, 10, 8))
     for text in (branch, diagram):
-        assert text.startswith("<svg") and "</svg>" in text
+        assert text.startswith("<div") and "><svg" in text and "</svg>" in text
     assert "<td>fold</td><td>1</td><td>1</td>" in branch and "<th>load</th>" in branch
     assert "softening" in branch
     assert "<table>" in listed and "searched" not in listed and "there may be others" in listed

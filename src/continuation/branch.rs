@@ -38,6 +38,12 @@ pub struct Branch {
     pub transitions: Vec<Transition>,
     /// Smooth folds, by arclength.
     pub smooth_folds: Vec<Point>,
+    /// Where the pieces are not known ([`BlackBoxCurve`](super::BlackBoxCurve)): the points at which α turns, smooth folds or corners.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub turns: Vec<Point>,
+    /// Whether the pieces are not known: there may be transitions and branch points then although none are listed.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub is_black_box: bool,
     /// Branch points inside pieces or of grazing curves, by arclength.
     pub branch_points: Vec<BranchPoint>,
     /// Zeros of monitor functions, by arclength.
@@ -120,17 +126,7 @@ impl Branch {
         curve: &mut Curve<'_>,
         observe: &mut dyn FnMut(&Event) -> ControlFlow<()>,
     ) -> Result<Self, ContinuationError> {
-        let mut branch = Self {
-            points: Vec::new(),
-            transitions: Vec::new(),
-            smooth_folds: Vec::new(),
-            branch_points: Vec::new(),
-            monitor_crossings: Vec::new(),
-            termination: Termination::Interrupted,
-            factorisations: 0,
-            updates: 0,
-            corrections: 0,
-        };
+        let mut branch = Self::empty(false);
         // Events found in the same step as one at which the observer stops are kept without being passed to it.
         let mut stopped = false;
         while let Some(event) = curve.next_event() {
@@ -154,6 +150,27 @@ impl Branch {
         Ok(branch)
     }
 
+    fn empty(is_black_box: bool) -> Self {
+        Self {
+            points: Vec::new(),
+            transitions: Vec::new(),
+            smooth_folds: Vec::new(),
+            turns: Vec::new(),
+            is_black_box,
+            branch_points: Vec::new(),
+            monitor_crossings: Vec::new(),
+            termination: Termination::Interrupted,
+            factorisations: 0,
+            updates: 0,
+            corrections: 0,
+        }
+    }
+
+    /// A branch whose pieces are not known, before its first point.
+    pub(super) fn black_box() -> Self {
+        Self::empty(true)
+    }
+
     /// Arclength of the branch.
     #[must_use]
     pub fn arclength(&self) -> f64 {
@@ -172,7 +189,8 @@ impl Branch {
             .iter()
             .filter(|t| t.is_fold())
             .map(|t| (t.arclength, t.parameter()));
-        let smooth = self.smooth_folds.iter().map(|f| (f.arclength, f.parameter()));
+        let smooth = self.smooth_folds.iter().chain(&self.turns);
+        let smooth = smooth.map(|f| (f.arclength, f.parameter()));
         let mut all: Vec<_> = kinks.chain(smooth).collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
         all.into_iter().map(|f| f.1).collect()
@@ -182,6 +200,10 @@ impl Branch {
 /// "36 transitions, 2 folds, 0 branch points; bound of the parameter": in one line.
 impl fmt::Display for Branch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_black_box {
+            let turns = Count(self.turns.len(), "turning point", "turning points");
+            return write!(f, "{turns}, pieces not known; {}", self.termination);
+        }
         write!(
             f,
             "{}, {}, {}; {}",

@@ -129,7 +129,7 @@ impl Branch {
             list.push((fold.arclength, fails));
         }
         let branchings = self.branch_points.iter().map(|b| &b.point);
-        for point in self.points.iter().chain(branchings) {
+        for point in self.points.iter().chain(&self.turns).chain(branchings) {
             list.push((point.arclength, certify(map, &point.x, load, options)?));
         }
         list.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -1,5 +1,6 @@
 //! Piecewise-smooth Moore–Penrose continuation: solution curves of H(y, α) = 0 followed through their kinks.
 
+mod black_box;
 mod branch;
 mod certificate;
 mod curve;
@@ -23,6 +24,7 @@ mod testing;
 mod two_parameters;
 mod vertices;
 
+pub use black_box::BlackBoxCurve;
 pub use branch::Branch;
 pub use certificate::{certify, certify_with};
 pub use curve::Continuation;

@@ -33,7 +33,7 @@ pub enum Direction {
 }
 
 /// The start, moved onto the bound of its parameter where rounding put it beyond; starts further outside are refused.
-fn inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<Vec<f64>, ContinuationError> {
+pub(super) fn inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<Vec<f64>, ContinuationError> {
     let mut inside = x.to_vec();
     if let Some(alpha) = inside.last_mut() {
         let value = *alpha;
@@ -76,7 +76,7 @@ fn is_branch_point(
 }
 
 /// Solves at fixed α unless x is a solution already.
-fn onto_curve(
+pub(super) fn onto_curve(
     map: &dyn PiecewiseSmooth,
     x: &[f64],
     options: &ContinuationOptions,

@@ -1,5 +1,6 @@
 //! A branch as one list of vertices, events merged with regular points.
 
+use super::black_box::TURN;
 use super::{Arm, Branch, BranchPoint, Event, Point, Transition};
 use crate::piecewise::Selection;
 
@@ -11,8 +12,8 @@ pub struct BranchVertex<'a> {
     pub arclength: f64,
     /// x = (y, α).
     pub x: &'a [f64],
-    /// The kind of point: "point", the name of a [`TransitionKind`](super::TransitionKind), "smooth fold", "branch point", or the name of a
-    /// monitor.
+    /// The kind of point: "point", the name of a [`TransitionKind`](super::TransitionKind), "smooth fold", "branch point", "turning
+    /// point" (on curves whose pieces are not known), or the name of a monitor.
     pub event: &'a str,
     /// Unit tangent on departure; where the curve ends, on arrival.
     pub tangent: &'a [f64],
@@ -37,7 +38,7 @@ impl BranchVertex<'_> {
 }
 
 impl<'a> BranchVertex<'a> {
-    fn regular(point: &'a Point, event: &'a str) -> Self {
+    pub(super) fn regular(point: &'a Point, event: &'a str) -> Self {
         Self {
             arclength: point.arclength,
             x: &point.x,
@@ -124,10 +125,15 @@ impl Branch {
         let transitions = self.transitions.iter().map(BranchVertex::from);
         let folds = self.smooth_folds.iter();
         let folds = folds.map(|f| BranchVertex::regular(f, "smooth fold"));
+        let turns = self.turns.iter().map(|f| BranchVertex::regular(f, TURN));
         let branchings = self.branch_points.iter().map(BranchVertex::from);
         let monitors = self.monitor_crossings.iter();
         let monitors = monitors.map(|m| BranchVertex::regular(&m.point, &m.name));
-        let events = transitions.chain(folds).chain(branchings).chain(monitors);
+        let events = transitions
+            .chain(folds)
+            .chain(turns)
+            .chain(branchings)
+            .chain(monitors);
         let mut all: Vec<_> = points.chain(events).collect();
         all.sort_by(|a, b| a.arclength.total_cmp(&b.arclength));
         all

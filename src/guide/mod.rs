@@ -1,8 +1,7 @@
 //! The guide: eleven pages, to be read in order or where you need them.
 //!
-//! To learn the subject, begin with the [book](../../../book/index.html): twelve lessons with figures, exercises and solutions. Links to
-//! it, here and at the ends of the pages, work where it was built beside this documentation (`cargo doc`, then `mdbook build book` in the
-//! repository); elsewhere, on docs.rs too, they are broken: its text is in `book/lessons`.
+//! To learn the subject, begin with the [book](../../../book/index.html): twelve lessons with figures, exercises and solutions. In the
+//! repository both are in `book/lessons`, to be read there or built with `mdbook build book`; on docs.rs links to lessons are broken.
 //!
 //! 1. [What a piecewise-smooth map is](pieces)
 //! 2. [Solve](solve)

@@ -143,6 +143,8 @@ pub(crate) struct Judge {
     room: Vec<f64>,
     /// Whether each part is regular, once asked.
     regular: Vec<Option<bool>>,
+    /// The largest constants of the rows of each part, in units in which J is equilibrated, once asked.
+    constants: Vec<Option<f64>>,
     /// The rows that [`Verdict::distant`] is about.
     distant: Vec<usize>,
     /// The rows whose terms and constants all are rounding, and whose residual is not small relative to these.
@@ -192,6 +194,7 @@ impl Judge {
         self.is_found = false;
         self.read(p);
         let largest = |row: &Row| row.constant.max(row.typical);
+        let mut of_parts = Vec::new();
         for i in 0..p.x.len() {
             let row = self.rows[i];
             if row.conceals(p.f[i], largest(&row)) <= tolerance {
@@ -200,9 +203,12 @@ impl Judge {
             self.find_parts(p);
             let Some(part) = self.parts.of(i) else { continue };
             let scaled = |&k: &usize| largest(&self.rows[k]) * self.factors[k];
-            let constant = { self.parts.members(part).iter() }
-                .map(scaled)
-                .fold(0.0, f64::max);
+            of_parts.resize(self.parts.len(), None);
+            let constant = *of_parts[part].get_or_insert_with(|| {
+                { self.parts.members(part).iter() }
+                    .map(scaled)
+                    .fold(0.0, f64::max)
+            });
             let constant = constant / self.factors[i];
             if exceeds(row.conceals(p.f[i], constant), tolerance) && !self.is_regular(p, part) {
                 return Some(i);
@@ -302,6 +308,8 @@ impl Judge {
             self.parts.find(p.jac, p.x.len(), &|i| !p.rests(i));
             self.regular.clear();
             self.regular.resize(self.parts.len(), None);
+            self.constants.clear();
+            self.constants.resize(self.parts.len(), None);
         }
     }
 
@@ -464,14 +472,16 @@ impl Judge {
     }
 
     /// The constants of a row; where they are rounding of the largest of its part, in units in which J is equilibrated, these.
-    fn constants_of_part(&self, p: &Point<'_>, part: usize, i: usize) -> f64 {
+    fn constants_of_part(&mut self, p: &Point<'_>, part: usize, i: usize) -> f64 {
         let scaled = |k: usize| self.constants(p, k) * self.factors[k];
-        let largest = self
-            .parts
-            .members(part)
-            .iter()
-            .fold(0.0_f64, |m, &k| m.max(scaled(k)));
-        match scaled(i) > ROUNDING * largest {
+        // Once a part: its rows may be all there are.
+        let largest = self.constants[part].unwrap_or_else(|| {
+            let members = self.parts.members(part).iter();
+            members.fold(0.0_f64, |m, &k| m.max(scaled(k)))
+        });
+        let own = scaled(i);
+        self.constants[part] = Some(largest);
+        match own > ROUNDING * largest {
             true => self.constants(p, i),
             false => largest / self.factors[i],
         }

@@ -3,8 +3,8 @@ use std::time::Duration;
 
 use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{
-    Arm, Branch, Continuation, ContinuationOptions, Diagram, DiagramOptions, Direction, FoldSet,
-    SearchOptions, TransitionSet, arms_at, certify, certify_with, list_solutions, search_solutions,
+    Arm, BlackBoxCurve, Branch, Continuation, ContinuationOptions, Diagram, DiagramOptions, Direction,
+    FoldSet, SearchOptions, TransitionSet, arms_at, certify, certify_with, list_solutions, search_solutions,
 };
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::linear::AutoSolver;
@@ -96,6 +96,13 @@ fn curves() {
                 AutoSolver::new(),
             )
             .map(drop)
+        });
+        t.refuses("continuation::BlackBoxCurve::follow", name, name, || {
+            BlackBoxCurve::new(&map, &ON, Direction::Increasing, options.clone()).follow()
+        });
+        t.refuses("continuation::BlackBoxCurve::follow_observed", name, name, || {
+            BlackBoxCurve::new(&map, &ON, Direction::Increasing, options.clone())
+                .follow_observed(|_| ControlFlow::Continue(()))
         });
         t.refuses("continuation::Continuation::along_arm", name, name, || {
             Continuation::along_arm(&map, &ON, &arm(), options.clone()).map(drop)
@@ -265,6 +272,22 @@ fn curves() {
             "",
             || Branch::follow(&no_numbers(bad), &ON, Direction::Increasing, o()),
         );
+        t.refuses(
+            "continuation::BlackBoxCurve::follow",
+            "a residual that is no number",
+            "",
+            || BlackBoxCurve::new(&no_numbers(bad), &ON, Direction::Increasing, o()).follow(),
+        );
+        t.survives(
+            "continuation::BlackBoxCurve::follow",
+            "a monitor that becomes no number",
+            || {
+                let monitor = move |x: &[f64]| if x[0] > 0.25 { -1.0 } else { bad };
+                BlackBoxCurve::new(&map, &ON, Direction::Decreasing, o())
+                    .with_monitor("m", monitor)
+                    .follow()
+            },
+        );
         t.survives("continuation::arms_at", "a residual that is no number", || {
             arms_at(&no_numbers(bad), &ON, &o())
         });
@@ -292,6 +315,12 @@ fn curves() {
         certify(&map, &ON, &rows(&[&[1.0], &[1.0]]), &o())
     });
     // Square systems, empty maps and maps with two parameters define no curve.
+    t.refuses(
+        "continuation::BlackBoxCurve::follow",
+        "an equation",
+        "variable",
+        || BlackBoxCurve::new(&square(1), &[0.0], Direction::Increasing, o()).follow(),
+    );
     t.refuses("continuation::Branch::follow", "an equation", "variable", || {
         Branch::follow(&square(1), &[0.0], Direction::Increasing, o())
     });

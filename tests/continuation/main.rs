@@ -15,6 +15,7 @@ mod squares;
 mod support;
 
 mod altered;
+mod black_box;
 mod chains;
 mod clusters;
 mod control;

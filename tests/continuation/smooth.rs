@@ -7,7 +7,7 @@ use super::maps::{Function, Plane, one_piece};
 use semismooth::continuation::{
     Branch, ContinuationOptions, Diagram, DiagramOptions, Direction, Termination, VertexKind, arms_at,
 };
-use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern};
 
 #[test]
@@ -551,5 +551,21 @@ fn starts_of_any_size_are_brought_onto_the_curve() {
         let x = &branch.points[0].x;
         let exact = 2.0 * (x[0] - x[0].powi(3));
         assert!((x[1] - exact).abs() <= 1e-13 * x[1].abs(), "{size:e}: {x:?}");
+    }
+}
+
+/// Next to a fold a start corrected to thirteen digits lies many roundings off the curve, which closes all the same.
+#[test]
+fn curves_close_at_starts_next_to_folds() {
+    let circle = MinMap::curve(2, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = x[0] * x[0] + x[1] * x[1] + x[2] * x[2] - 1.0;
+        a[1] = x[0] - x[1];
+        b.fill(1e9);
+    });
+    for y in [0.05, 0.1, 0.12, 0.3] {
+        let options = ContinuationOptions::default().with_max_points(200);
+        let branch = Branch::follow(&circle, &[y, y, 0.98], Direction::Increasing, options).unwrap();
+        assert_eq!(branch.termination, Termination::Closed, "{y}");
+        assert_eq!(branch.folds().len(), 2);
     }
 }

@@ -12,6 +12,36 @@ pub(super) fn counted(count: usize, what: &str) -> String {
     }
 }
 
+/// A number for the terminal, with twelve digits; files have all of them.
+pub(super) fn short(value: f64) -> String {
+    let digits = format!("{value:.11e}");
+    let rounded: f64 = digits.parse().unwrap_or(value);
+    match rounded != 0.0 && !(1e-5..1e15).contains(&rounded.abs()) {
+        true => format!("{rounded:e}"),
+        false => rounded.to_string(),
+    }
+}
+
+/// Part of the numbers that it stands with below which a sum of them is their rounding: some thousand terms of the solver's accuracy.
+const ROUNDING: f64 = 1e-12;
+
+/// A number, or 0 where it is rounding beside numbers of the size `beside`.
+pub(super) fn rounded(value: f64, beside: f64) -> f64 {
+    if value.abs() <= ROUNDING * beside {
+        0.0
+    } else {
+        value
+    }
+}
+
+/// A result for a table in the terminal, with five digits.
+pub(super) fn result(value: f64, beside: f64) -> String {
+    match rounded(value, beside) {
+        0.0 => "0".to_owned(),
+        value => format!("{value:.4e}"),
+    }
+}
+
 /// A cell of a table (RFC 4180).
 pub(super) fn quoted(text: &str) -> String {
     match text.contains([',', '"', '\n', '\r']) {
@@ -49,6 +79,17 @@ pub(super) fn wrapped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rounding_of_zero_is_zero_beside_other_numbers() {
+        assert_eq!(result(-3.1e-18, 0.05), "0");
+        assert_eq!(result(0.0, 0.0), "0");
+        assert_eq!(result(-3.1e-18, 4e-18), "-3.1000e-18");
+        assert_eq!(
+            (short(0.1 + 0.2), short(-2e-7)),
+            ("0.3".to_owned(), "-2e-7".to_owned())
+        );
+    }
 
     #[test]
     fn lines_end_before_the_hundred_and_first_column() {

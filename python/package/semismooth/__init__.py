@@ -11,6 +11,8 @@ exact, and the pieces on both sides of every kink are known. Matrices may be tho
 ('solved', array([2.5, 0. ]))
 """
 
+from typing import TYPE_CHECKING
+
 from ._core import (
     BatchResult,
     BatchSensitivity,
@@ -86,6 +88,12 @@ from ._fclib import FrictionProblem, read_fclib
 from ._functions import clip, maximum, minimum, where
 from ._matrices import Substructure, read_op4, read_substructure
 from ._saving import load, save
+from ._telling import telling as _telling
+
+# Their types are those of the stubs.
+if not TYPE_CHECKING:
+    solve, solve_lcp, solve_mcp = (_telling(door, "iterates") for door in (solve, solve_lcp, solve_mcp))
+    follow = _telling(follow, "points")
 
 __all__ = [
     "BatchResult",

@@ -228,6 +228,12 @@ _UFUNCS |= {
 _UFUNCS[(np._core if hasattr(np, "_core") else np.core).umath.clip] = _object_loop(clip_of_one, 3)  # type: ignore[attr-defined]
 
 #: Functions that jump, so that a map made with them would not be continuous.
+#: Those of scipy.special, by name, so that scipy need not be there.
+_OF_SCIPY: dict[str, Any] = {
+    "expit": _object_loop(lambda a: 0.5 + 0.5 * np.tanh(0.5 * a), 1),
+    "logit": _object_loop(lambda a: _log(a / (1 - a)), 1),
+}
+
 _JUMPS = {np.floor, np.ceil, np.rint, np.trunc, np.remainder, np.fmod, np.floor_divide, np.modf}
 
 
@@ -254,7 +260,7 @@ def apply_ufunc(ufunc: Any, method: str, inputs: Iterable[Any], options: dict[st
 
 
 def _elementwise(ufunc: Any, method: str, inputs: tuple[Any, ...], options: dict[str, Any]) -> Any:
-    own = _UFUNCS.get(ufunc)
+    own = _UFUNCS.get(ufunc) or _OF_SCIPY.get(getattr(ufunc, "__name__", ""))
     if own is None and not any(holds_traced(a) for a in inputs):
         return getattr(ufunc, method)(*map(_numbers, inputs), **options)
     if own is None:
@@ -411,6 +417,59 @@ def _solve(a: Any, b: Any) -> Any:
     return matmul(np.linalg.inv(np.asarray(a, dtype=float)), b)
 
 
+#: Numbers up to which they are sorted: each pair that changes places is a kink.
+_SORTED = 16
+
+
+def _sort(a: Any, axis: Any = -1, **options: Any) -> Any:
+    """A network that compares neighbours: the smaller one goes first."""
+    if axis is None:
+        a, axis = np.ravel(a), 0
+    rows = list(np.moveaxis(lifted(a), axis, 0))
+    if len(rows) > _SORTED:
+        raise TypeError(f"numpy.sort of more than {_SORTED} traced numbers, each pair a kink: is the maximum, or a sum of maxima, what is meant?")
+    for last in range(len(rows) - 1, 0, -1):
+        for k in range(last):
+            rows[k], rows[k + 1] = np.minimum(rows[k], rows[k + 1]), np.maximum(rows[k], rows[k + 1])
+    return np.moveaxis(np.stack([lifted(row) for row in rows]), 0, axis)
+
+
+def _median(a: Any, axis: Any = None, **options: Any) -> Any:
+    ordered = _sort(a, axis)
+    middle = np.moveaxis(ordered, 0 if axis is None else axis, 0)
+    n = len(middle)
+    return (middle[(n - 1) // 2] + middle[n // 2]) / 2
+
+
+def _block(arrays: Any) -> Any:
+    """Innermost lists side by side, those around them below each other."""
+
+    def depth(part: Any) -> int:
+        return 1 + depth(part[0]) if isinstance(part, list) else 0
+
+    levels = depth(arrays)
+    parts = [arrays]
+    for _ in range(levels):
+        parts = [inner for part in parts for inner in part]
+    most = max(levels, *(np.ndim(part) for part in parts))
+
+    def joined(part: Any, level: int) -> Any:
+        if not isinstance(part, list):
+            return np.asarray(lifted(part)).view(Traced)[(np.newaxis,) * (most - np.ndim(part))]
+        return np.concatenate([joined(inner, level + 1) for inner in part], axis=level - levels)
+
+    return joined(arrays, 0)
+
+
+def _by_values(name: str) -> Callable[..., Any]:
+    def refuse(*arguments: Any, **options: Any) -> Any:
+        raise TypeError(
+            f"numpy.{name} chooses by values, which traced variables do not have yet: write max, min, where, clip of the numbers themselves"
+        )
+
+    return refuse
+
+
 def _like(value: Any) -> Callable[..., Any]:
     def make(a: Any, *arguments: Any, dtype: Any = None, shape: Any = None, **options: Any) -> Any:
         fill = arguments[0] if value is None else value
@@ -444,6 +503,19 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.select: _select,
     np.piecewise: _piecewise,
     np.real: lambda val: val,
+    # Traced numbers are never missing.
+    np.nanmax: lambda a, *more, **options: np.max(lifted(a), *more, **options),
+    np.nanmin: lambda a, *more, **options: np.min(lifted(a), *more, **options),
+    np.nansum: lambda a, *more, **options: np.sum(lifted(a), *more, **options),
+    np.nanmean: lambda a, *more, **options: np.mean(lifted(a), *more, **options),
+    np.sort: _sort,
+    np.median: _median,
+    np.block: _block,
+    np.argmax: _by_values("argmax"),
+    np.argmin: _by_values("argmin"),
+    np.argsort: _by_values("argsort"),
+    np.searchsorted: _by_values("searchsorted"),
+    np.nonzero: _by_values("nonzero"),
     np.fix: None,  # type: ignore[dict-item]
     np.round: None,  # type: ignore[dict-item]
 }

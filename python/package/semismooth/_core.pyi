@@ -444,6 +444,10 @@ class _McpOptions(TypedDict, total=False):
     max_nodes: int
     restarts: int
 
+class _ToldMcpOptions(_McpOptions, total=False):
+    verbose: bool
+    progress: bool
+
 def solve(
     H: Callable[..., Any] | Map | tuple[_Matrix, ArrayLike],
     x0: ArrayLike,
@@ -452,7 +456,7 @@ def solve(
     pattern: _Matrix | None = None,
     params: ArrayLike | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
-    **options: Unpack[_McpOptions],
+    **options: Unpack[_ToldMcpOptions],
 ) -> McpResult: ...
 def solve_lcp(
     M: _Matrix,
@@ -462,7 +466,7 @@ def solve_lcp(
     *,
     x0: ArrayLike | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
-    **options: Unpack[_McpOptions],
+    **options: Unpack[_ToldMcpOptions],
 ) -> McpResult | Any: ...  # BatchResult with a leading dimension
 def solve_mcp(
     F: Callable[..., Any] | Map | tuple[_Matrix, ArrayLike],
@@ -474,7 +478,7 @@ def solve_mcp(
     pattern: _Matrix | None = None,
     params: ArrayLike | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
-    **options: Unpack[_McpOptions],
+    **options: Unpack[_ToldMcpOptions],
 ) -> McpResult | Any: ...  # BatchResult with a leading dimension
 
 @final
@@ -684,6 +688,8 @@ class Branch:
     def corrections(self) -> int: ...
     @property
     def names(self) -> list[str]: ...
+    @property
+    def pieces_known(self) -> bool: ...
     def __iter__(self) -> Iterator[_Vector]: ...
     def _repr_html_(self) -> str: ...
     def __len__(self) -> int: ...
@@ -715,6 +721,10 @@ class _ContinuationOptions(TypedDict, total=False):
 class _FollowOptions(_ContinuationOptions, total=False):
     max_points: int
 
+class _ToldFollowOptions(_FollowOptions, total=False):
+    verbose: bool
+    progress: bool
+
 def follow(
     H: Callable[[Any], Any] | Map | ContactProblem | tuple[_Matrix, ArrayLike],
     x0: ArrayLike | ContactSolution,
@@ -725,11 +735,12 @@ def follow(
     pattern: _Matrix | None = None,
     lower: ArrayLike | None = None,
     upper: ArrayLike | None = None,
+    smooth: bool | None = None,
     monitors: dict[str, Callable[[_Vector], float] | Map] | None = None,
     stops: dict[str, Callable[[_Vector], float] | Map] | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
     names: Sequence[str] | None = None,
-    **options: Unpack[_FollowOptions],
+    **options: Unpack[_ToldFollowOptions],
 ) -> Branch: ...
 
 def report(

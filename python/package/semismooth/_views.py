@@ -2,9 +2,12 @@
 pictures (`Colour` and `Marker` in its module `output`)."""
 
 import csv
+import hashlib
 import html
 import io
+import json
 from collections.abc import Callable, Iterable, Sequence
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -17,6 +20,7 @@ _KINDS = {
     "pass-through": "transition",
     "fold": "fold",
     "smooth fold": "smooth fold",
+    "turning point": "fold",
     "vertical segment begins": "vertical segment",
     "vertical segment ends": "vertical segment",
     "vertical segment": "vertical segment",
@@ -300,16 +304,108 @@ def _svg(draw: Callable[[Any], Any]) -> str:
     return "<svg" + text.getvalue().partition("<svg")[2]
 
 
+#: Points that a drawing in a notebook has at most, so that saved notebooks stay small.
+_DRAWN = 2000
+
+#: The kinds under which the page knows the entries of legends.
+_PAGE_KINDS = {"transition": "pass-through", "isolated solution": "isolated"}
+
+
+def _thin(points: int) -> int:
+    """Every how manyth point is drawn."""
+    return max(1, -(-points // _DRAWN))
+
+
+def _drawn_edge(points: Any, tangents: Any, signs: Sequence[int | None], label: str, folds: Sequence[int], every: int) -> dict[str, Any]:
+    last = len(points) - 1
+    kept = sorted({*range(0, last, every), *folds, last})
+    columns = _columns(points.shape[1])
+    return {
+        "points": _digits(points[kept][:, columns]),
+        "tangents": _digits(tangents[kept][:, columns]),
+        "det": [signs[k] for k in kept],
+        "folds": [kept.index(k) for k in folds],
+        "label": label,
+    }
+
+
+def _digits(rows: Any) -> list[list[float]]:
+    """With the digits that pictures and what is read off them have."""
+    return [[float(f"{v:.9g}") for v in row] for row in rows]
+
+
+def _columns(m: int) -> list[int]:
+    return list(range(m)) if m <= _COLUMNS else [*range(_COLUMNS - 1), m - 1]
+
+
+def _drawn_vertices(marks: Iterable[tuple[str, Any]]) -> list[dict[str, Any]]:
+    vertices: list[dict[str, Any]] = []
+    for event, x in marks:
+        kind = _KINDS.get(event)
+        if kind is not None and kind not in ("smooth fold", "start", "Hopf point"):
+            vertices.append({"kind": _PAGE_KINDS.get(kind, kind), "x": _digits([x[_columns(len(x))]])[0], "number": len(vertices) + 1})
+    return vertices
+
+
+def _interactive(static: str, found: Any, m: int, drawing: dict[str, Any]) -> str:
+    """The picture drawn by the page's own functions once the notebook runs them, the static one until then and elsewhere."""
+    names = _point_head(m, found.names, True)
+    data = json.dumps({"names": names, "drawing": drawing}, allow_nan=False)
+    # Two outputs of one notebook may show the same curve: then one of them is drawn over by the same picture.
+    own = f"semismooth-{hashlib.sha256(data.encode()).hexdigest()[:12]}"
+    folder = resources.files("semismooth")
+    scripts = [(folder / name).read_text(encoding="utf-8") for name in ("_drawing.js", "_notebook.js")]
+    # In a string of a script the browser looks for its end all the same.
+    data = data.replace("<", "\\u003c").replace("{", f'{{"id": "{own}", ', 1)
+    body = "\n".join([f"const own = {data};", *scripts])
+    return f'<div id="{own}">{static}</div><script>(() => {{\n{body}\n}})();</script>'
+
+
+def _curve_drawing(branch: Any) -> dict[str, Any]:
+    points, tangents, events = branch.points, branch.tangents, branch.events
+    words = [dict(site) for site in branch._legend]
+    looks = [(tuple(p), (s or 0) < 0) for p, s in zip(branch.pieces, branch._segment_signs)]
+    edges: list[dict[str, Any]] = []
+    every, start = _thin(len(points)), 0
+    for i in range(1, len(looks) + 1):
+        # Corners are not rounded: edges end at them.
+        if i == len(looks) or looks[i] != looks[start] or events[i] not in ("point", "smooth fold"):
+            pieces, negative = looks[start]
+            few = 0 < len(pieces) <= 2
+            label = ", ".join(site.get(piece, piece) for site, piece in zip(words, pieces)) if few else ""
+            part = slice(start, i + 1)
+            folds = [k - start for k in range(start + 1, i) if events[k] == "smooth fold"]
+            signs = [-1 if negative else 1] * (i + 1 - start)
+            departures = np.vstack([tangents[start:i], branch._arrivals[i : i + 1]])
+            edges.append(_drawn_edge(points[part], departures, signs, label, folds, every))
+            start = i
+    return {"vertices": _drawn_vertices(zip(events, points)), "edges": edges}
+
+
+def _diagram_drawing(diagram: Any) -> dict[str, Any]:
+    words = [dict(site) for site in diagram._legend]
+    edges: list[dict[str, Any]] = []
+    every = _thin(sum(len(edge.points) for edge in diagram.edges))
+    for edge in diagram.edges:
+        few = 0 < len(edge.pieces) <= 2
+        label = ", ".join(site.get(piece, piece) for site, piece in zip(words, edge.pieces)) if few else ""
+        edges.append(_drawn_edge(edge.points, edge.tangents, edge.point_det_signs, label, edge.smooth_folds, every))
+    return {"vertices": _drawn_vertices((v.kind, v.x) for v in diagram.vertices), "edges": edges}
+
+
 def branch_html(branch: Any) -> str:
     events = [(e, x) for e, x in zip(branch.events, branch.points) if e != "point"]
     head = ["event", *_point_head(branch.points.shape[1], branch.names, True)]
-    return _svg(lambda ax: branch.plot(ax=ax)) + _table(repr(branch)[1:-1], head, _point_rows(events))
+    picture = _interactive(_svg(lambda ax: branch.plot(ax=ax)), branch, branch.points.shape[1], _curve_drawing(branch))
+    return picture + _table(repr(branch)[1:-1], head, _point_rows(events))
 
 
 def diagram_html(diagram: Any) -> str:
     vertices = [(v.kind, v.x) for v in diagram.vertices]
-    head = ["kind", *_point_head(len(vertices[0][1]) if vertices else 1, diagram.names, True)]
-    return _svg(lambda ax: diagram.plot(ax=ax)) + _table(repr(diagram)[1:-1], head, _point_rows(vertices))
+    m = len(vertices[0][1]) if vertices else 1
+    head = ["kind", *_point_head(m, diagram.names, True)]
+    picture = _interactive(_svg(lambda ax: diagram.plot(ax=ax)), diagram, m, _diagram_drawing(diagram))
+    return picture + _table(repr(diagram)[1:-1], head, _point_rows(vertices))
 
 
 def list_html(found: Any) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as _numpy
 
-from ._arrays import Traced, _fits, apply_ufunc, holds_traced, lifted, tracing, wrap
+from ._arrays import Traced, _fits, apply_function, apply_ufunc, holds_traced, lifted, tracing, wrap
 
 __all__: list[str] = []
 
@@ -51,7 +51,10 @@ def _converting(make: Callable[..., Any]) -> Callable[..., Any]:
 
 
 #: The functions below, each made once.
-_LIFTED: dict[Any, Callable[..., Any]] = {}
+_LIFTED: dict[Any, Callable[..., Any]] = {
+    # Of nested lists the nesting matters, which arrays of them do not have.
+    _numpy.block: lambda arrays: apply_function(_numpy.block, (arrays,), {}) if tracing() else _numpy.block(arrays)
+}
 
 
 def _lifting(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -1,13 +1,13 @@
 //! The end of a step: at a regular point, at an event, or where the curve closes.
 
-use crate::continuation::engine::{Curve, State};
+use crate::continuation::engine::{Curve, State, term_size};
 use crate::continuation::error::if_converged;
 use crate::continuation::event::locate::STRAY;
 use crate::continuation::event::watch::Monitor;
 use crate::continuation::point::coincidence::SAFETY;
 use crate::continuation::{ContinuationError, Event, PointKind, Termination};
-use crate::sparse::{distance, norm};
-use crate::tolerances::TANGENTIAL;
+use crate::sparse::{Matrix, distance, norm};
+use crate::tolerances::{RESULT, TANGENTIAL};
 
 /// Share of a step by which rounding may put its end before a start that it reaches.
 const SLACK: f64 = 1e-3;
@@ -199,20 +199,27 @@ impl Curve<'_> {
             return Ok(false);
         };
         let steps = first.step_norm + second.step_norm;
-        // The other point has to lie on the curve of the selection itself, too.
-        Ok([(&state.x[..], &there[..]), (&there, other)]
-            .into_iter()
-            .all(|(a, b)| {
-                let gap: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-                let size = norm(&gap);
-                if size <= 2.0 * steps {
-                    return true;
-                }
-                let direction: Vec<f64> = gap.iter().map(|g| g / size).collect();
-                let bits: f64 = direction.iter().zip(other).map(|(d, x)| (d * x).abs()).sum();
-                let rounding = at.rounding_of(&direction, other, &normal);
-                rounding.is_some_and(|r| size <= SAFETY * (r + f64::EPSILON * bits))
-            }))
+        // The other point has to lie on the curve of the selection itself, too: to rounding, or as far as starts are corrected, which next to
+        // a fold may be many times as far.
+        let on_curve = {
+            let (mut r, mut jac) = (vec![0.0; map.num_residuals()], Matrix::zeros(map.pattern()));
+            map.residual(selection, other, &mut r);
+            map.jacobian(selection, other, &mut jac);
+            norm(&r) <= RESULT * term_size(&jac, other, 0.0, other)
+        };
+        let pairs = [(&state.x[..], &there[..]), (&there, other)];
+        let open = if on_curve { 1 } else { 2 };
+        Ok(pairs.into_iter().take(open).all(|(a, b)| {
+            let gap: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+            let size = norm(&gap);
+            if size <= 2.0 * steps {
+                return true;
+            }
+            let direction: Vec<f64> = gap.iter().map(|g| g / size).collect();
+            let bits: f64 = direction.iter().zip(other).map(|(d, x)| (d * x).abs()).sum();
+            let rounding = at.rounding_of(&direction, other, &normal);
+            rounding.is_some_and(|r| size <= SAFETY * (r + f64::EPSILON * bits))
+        }))
     }
 }
 

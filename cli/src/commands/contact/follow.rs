@@ -13,7 +13,7 @@ use super::Case;
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::{create, write_failed};
-use crate::commands::text::{counted, wrapped};
+use crate::commands::text::{counted, short, wrapped};
 
 /// Number of steps of the progress bar.
 const POSITIONS: f64 = 1000.0;
@@ -71,7 +71,7 @@ pub(super) fn run<L: NodeLaw>(
         let end = format!("{count} of state; the curve ends: {}", branch.termination);
         writeln!(out, "{}", wrapped(&end))?;
         for alpha in branch.folds() {
-            writeln!(out, "fold at α = {alpha}")?;
+            writeln!(out, "fold at α = {}", short(alpha))?;
         }
     }
     write(case, &branch)?;
@@ -111,7 +111,8 @@ fn tell(
         } else if !quiet {
             writeln!(
                 out,
-                "α = {alpha:<20}  node {:>4}  {from:>5} → {to:<5}  {kind}",
+                "α = {:<16}  node {:>4}  {from:>5} → {to:<5}  {kind}",
+                short(alpha),
                 change.site
             )?;
         }

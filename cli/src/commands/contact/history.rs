@@ -4,7 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use semismooth::contact::{
-    Arrival, CondensedContact, ContactSolution, EvolutionOptions, EvolutionStep, NodeLaw, evolve_observed,
+    Arrival, CondensedContact, ContactSolution, EvolutionOptions, EvolutionStep, LocalValues, NodeLaw,
+    evolve_observed,
 };
 use semismooth::output::{BranchDiagram, write_pvd};
 
@@ -12,6 +13,7 @@ use super::{Case, counts};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::{create, write_failed};
+use crate::commands::text::{result, short};
 
 pub(super) const COLUMNS: &str = "level,open,stick,slip,transitions,arrival,normal force,tangential force 1,tangential force 2,\
 work,stored,dissipated";
@@ -38,6 +40,16 @@ pub(super) fn run<L: NodeLaw>(
     let begin = case.problem.solution(&x).map_err(failed(first))?;
     let mut forces = vec![(first, begin.resultant())];
     case.write_level(&x, &begin, &mut series)?;
+    let mut energy = 0.0;
+    if !json && !quiet {
+        let [normal, tangential] = resultants(&begin);
+        let level = short(first);
+        let [open, stick, slip] = counts(&begin.states);
+        writeln!(
+            out,
+            "{level:>10}  {open:>4} {stick:>5} {slip:>5}         start    {normal:>11} {tangential:>11}"
+        )?;
+    }
     let progress = Progress::new(levels.len() as u64, quiet || json)?;
     let options = EvolutionOptions::default();
     for &level in &levels[1..] {
@@ -53,7 +65,7 @@ pub(super) fn run<L: NodeLaw>(
             progress.suspend(|| match (json, quiet) {
                 (true, _) => writeln!(out, "{}", record(&step)),
                 (_, true) => Ok(()),
-                _ => print(out, &step),
+                _ => print(out, &step, &mut energy),
             })?;
             x = step.x;
         }
@@ -173,19 +185,30 @@ fn record(step: &EvolutionStep) -> serde_json::Value {
     })
 }
 
-fn print(out: &mut dyn Write, step: &EvolutionStep) -> std::io::Result<()> {
+/// A row of the table in the terminal; `energy` is the largest one so far.
+fn print(out: &mut dyn Write, step: &EvolutionStep, energy: &mut f64) -> std::io::Result<()> {
     let [open, stick, slip] = counts(&step.solution.states);
-    let [normal, first, second] = step.solution.resultant();
-    let tangential = if second == 0.0 { first } else { first.hypot(second) };
+    let [normal, tangential] = resultants(&step.solution);
+    let energies = [step.work, step.stored, step.dissipated];
+    *energy = energies.iter().fold(*energy, |largest, e| largest.max(e.abs()));
     writeln!(
         out,
-        "{:>10.4}  {open:>4} {stick:>5} {slip:>5} {:>7} {:<8} {normal:>11.4e} {tangential:>11.4e} {:>11.4e} {:>11.4e}",
-        step.level,
+        "{:>10}  {open:>4} {stick:>5} {slip:>5} {:>7} {:<8} {normal:>11} {tangential:>11} {:>11} {:>11}",
+        short(step.level),
         step.transitions,
         arrival(&step.arrival),
-        step.work,
-        step.dissipated
+        result(step.work, *energy),
+        result(step.dissipated, *energy)
     )
+}
+
+/// The normal and the tangential resultant for the terminal, with a sign in the plane.
+pub(super) fn resultants(solution: &ContactSolution) -> [String; 2] {
+    let [normal, first, second] = solution.resultant();
+    let forces = |v: &LocalValues| v.pressure.abs() + v.traction[0].hypot(v.traction[1]);
+    let all = solution.nodes.iter().map(forces).sum();
+    let tangential = if second == 0.0 { first } else { first.hypot(second) };
+    [normal, tangential].map(|force| result(force, all))
 }
 
 /// How a level was reached.

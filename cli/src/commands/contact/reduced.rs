@@ -7,11 +7,11 @@ use semismooth::contact::{NodeLaw, ReducedContact, ReducedLevel};
 use semismooth::output::{BranchDiagram, write_pvd};
 
 use super::Case;
-use super::history::{COLUMNS, Series, add_level, level_name};
+use super::history::{COLUMNS, Series, add_level, level_name, resultants};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::{create, write_failed};
-use crate::commands::text::counted;
+use crate::commands::text::{counted, result, short};
 
 pub(super) fn run<L: NodeLaw>(
     case: &Case<'_, ()>,
@@ -94,6 +94,8 @@ struct Done {
     count: usize,
     /// The elastic energy at the last level.
     stored: f64,
+    /// The largest energy so far.
+    energy: f64,
     series: Series,
     /// Levels and resultants of the contact forces.
     forces: Vec<(f64, [f64; 3])>,
@@ -117,6 +119,7 @@ impl Case<'_, ()> {
         done.forces.push((alpha, s.resultant()));
         let (stored, dissipated) = (s.energy.stored - done.stored, s.energy.dissipated);
         (done.stored, done.count) = (s.energy.stored, done.count + 1);
+        done.energy = done.energy.max(stored.abs()).max(dissipated.abs());
         // The first level is the start of the history and has no row, as in the condensed form.
         if done.count > 1 {
             let changes = level.num_changes();
@@ -140,12 +143,16 @@ impl Case<'_, ()> {
                 writeln!(out, "{record}")
             }
             (_, true) => Ok(()),
-            _ => writeln!(
-                out,
-                "{alpha:>10.4}  {open:>4} {stick:>5} {slip:>5} {:>7} {newton:>6} {krylov:>7} {normal:>11.4e} {:>11.4e} {stored:>11.4e} {dissipated:>11.4e}",
-                level.num_changes(),
-                if second == 0.0 { first } else { first.hypot(second) },
-            ),
+            _ => {
+                let ([normal, tangential], level_shown) = (resultants(s), short(alpha));
+                writeln!(
+                    out,
+                    "{level_shown:>10}  {open:>4} {stick:>5} {slip:>5} {:>7} {newton:>6} {krylov:>7} {normal:>11} {tangential:>11} {:>11} {:>11}",
+                    level.num_changes(),
+                    result(stored, done.energy),
+                    result(dissipated, done.energy),
+                )
+            }
         })?;
         Ok(())
     }

@@ -7,11 +7,11 @@ use semismooth::output::{BranchDiagram, Curve, Panel, SegmentStyle, write_csv};
 use semismooth::piecewise::PiecewiseSmoothExt;
 
 use super::model::{Problem, RunFile};
-use super::{Case, MAX_TIME, short};
+use super::{Case, MAX_TIME};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::create;
-use crate::commands::text::{counted, fitted, wrapped};
+use crate::commands::text::{counted, fitted, short, wrapped};
 
 /// Number of steps of the progress bar.
 const POSITIONS: f64 = 1000.0;

@@ -18,6 +18,7 @@ use self::model::{Problem, RunFile};
 use super::error::CommandError;
 use super::report::ReportArgs;
 use super::run_file::RunArgs;
+use super::text::{rounded, short};
 
 /// The run files that `init` writes.
 pub(super) const FOLLOW: &str = include_str!("follow.toml");
@@ -91,16 +92,6 @@ fn least_and_greatest(loads: &[f64]) -> Option<[f64; 2]> {
     (least < greatest).then_some([least, greatest])
 }
 
-/// A number for the terminal, with twelve digits; files have all of them.
-fn short(value: f64) -> String {
-    let digits = format!("{value:.11e}");
-    let rounded: f64 = digits.parse().unwrap_or(value);
-    match rounded != 0.0 && !(1e-5..1e15).contains(&rounded.abs()) {
-        true => format!("{rounded:e}"),
-        false => rounded.to_string(),
-    }
-}
-
 impl<'a> Case<'a> {
     fn new(arguments: &'a RunArgs) -> Result<Self, CommandError> {
         let file = RunFile::read(&arguments.run)?;
@@ -130,10 +121,13 @@ impl<'a> Case<'a> {
         names.map(|(k, name)| Column::entry(name.as_str(), k)).collect()
     }
 
-    /// A point as "x = 1, y = 2".
+    /// A point as "x = 1, y = 2": 0 where a number is rounding beside the others.
     fn words(&self, x: &[f64]) -> String {
+        let largest = x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let pairs = self.problem.names.iter().zip(x);
-        let pairs: Vec<String> = pairs.map(|(n, v)| format!("{n} = {}", short(*v))).collect();
+        let pairs: Vec<String> = pairs
+            .map(|(n, v)| format!("{n} = {}", short(rounded(*v, largest))))
+            .collect();
         pairs.join(", ")
     }
 
