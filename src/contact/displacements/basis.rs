@@ -8,6 +8,9 @@ use crate::tolerances::CHECKED;
 
 pub(super) type Block = [[f64; 3]; 3];
 
+/// Columns and blocks of a row.
+type BlockRow<const B: usize> = Vec<(usize, [[f64; B]; B])>;
+
 const ZERO: Block = [[0.0; 3]; 3];
 
 /// û_i = O_i u_i + Σ_j C_ij u_j at contact nodes i, û = u at all others. Where contact is between two bodies the j are nodes on the other
@@ -81,7 +84,7 @@ impl Basis {
     }
 
     /// û of displacements u of all nodes, by component.
-    pub(super) fn to_local(&self, u: &mut [f64]) {
+    pub(super) fn local(&self, u: &mut [f64]) {
         for (i, &node) in self.nodes.iter().enumerate() {
             let mut sum = self.times(&self.own[i], self.at(u, node));
             for (other, block) in &self.others[i] {
@@ -92,7 +95,7 @@ impl Basis {
     }
 
     /// u of û.
-    pub(super) fn from_local(&self, u: &mut [f64]) {
+    pub(super) fn nodal(&self, u: &mut [f64]) {
         for (i, &node) in self.nodes.iter().enumerate() {
             let mut rest = self.at(u, node);
             for (other, block) in &self.others[i] {
@@ -104,7 +107,7 @@ impl Basis {
     }
 
     /// Tᵀ f of forces on all nodes.
-    pub(super) fn forces_to_local(&self, f: &mut [f64]) {
+    pub(super) fn local_forces(&self, f: &mut [f64]) {
         for (i, &node) in self.nodes.iter().enumerate() {
             let own = self.times_transposed(&self.back[i], self.at(f, node));
             self.set(f, node, own);
@@ -113,7 +116,7 @@ impl Basis {
     }
 
     /// f of Tᵀ f.
-    pub(super) fn forces_from_local(&self, f: &mut [f64]) {
+    pub(super) fn nodal_forces(&self, f: &mut [f64]) {
         for (i, &node) in self.nodes.iter().enumerate() {
             let local = self.at(f, node);
             self.move_on(i, local, 1.0, f);
@@ -160,7 +163,7 @@ impl Basis {
         let narrow =
             |m: &Block| -> [[f64; B]; B] { std::array::from_fn(|r| std::array::from_fn(|c| m[r][c])) };
         // The rows of T at contact nodes.
-        let mut rows: Vec<Option<Vec<(usize, [[f64; B]; B])>>> = vec![None; n];
+        let mut rows: Vec<Option<BlockRow<B>>> = vec![None; n];
         for (i, &node) in self.nodes.iter().enumerate() {
             let back = narrow(&self.back[i]);
             let mut row = vec![(node, back)];

@@ -160,28 +160,28 @@ impl ReducedBody {
     /// All components of free displacements, those of contact nodes along their frames, less those of what they touch.
     pub(super) fn turned(&self, free: &[f64]) -> Vec<f64> {
         let mut all = self.spread(free);
-        self.basis.to_local(&mut all);
+        self.basis.local(&mut all);
         all
     }
 
     /// The inverse of [`turned`](Self::turned).
     pub(super) fn free(&self, all: &[f64]) -> Vec<f64> {
         let mut turned = all.to_vec();
-        self.basis.from_local(&mut turned);
+        self.basis.nodal(&mut turned);
         self.gathered(&turned)
     }
 
     /// Forces on these components from forces on the free displacements.
     pub(super) fn turned_forces(&self, free: &[f64]) -> Vec<f64> {
         let mut all = self.spread(free);
-        self.basis.forces_to_local(&mut all);
+        self.basis.local_forces(&mut all);
         all
     }
 
     /// The inverse of [`turned_forces`](Self::turned_forces).
     pub(super) fn free_forces(&self, all: &[f64]) -> Vec<f64> {
         let mut turned = all.to_vec();
-        self.basis.forces_from_local(&mut turned);
+        self.basis.nodal_forces(&mut turned);
         self.gathered(&turned)
     }
 
