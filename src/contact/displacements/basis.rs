@@ -61,11 +61,16 @@ impl Basis {
             basis
                 .held
                 .push(complete(dim, &mut own, |k| prescribed[dim * node + k]));
-            let back = match blocks.is_empty() {
-                true => is_orthonormal(&own, dim).then(|| transposed(&own)),
-                false => inverse(&own, dim),
+            let (back, oblique) = match blocks.is_empty() {
+                true => (
+                    is_orthonormal(&own, dim).then(|| transpose(&own)),
+                    "vectors that are not orthonormal, or of which components are prescribed",
+                ),
+                false => (
+                    inverse(&own, dim),
+                    "the displacements of several nodes, along directions that are not orthogonal",
+                ),
             };
-            let oblique = "vectors that are not orthonormal, or of which components are prescribed";
             basis.back.push(back.ok_or_else(|| refused(i, oblique))?);
             basis.own.push(own);
             basis.others.push(blocks.into_iter().collect());
@@ -275,10 +280,6 @@ fn multiplied<const B: usize>(a: &[[f64; B]; B], b: &[[f64; B]; B]) -> [[f64; B]
 
 fn transpose<const B: usize>(m: &[[f64; B]; B]) -> [[f64; B]; B] {
     std::array::from_fn(|i| std::array::from_fn(|j| m[j][i]))
-}
-
-fn transposed(m: &Block) -> Block {
-    transpose(m)
 }
 
 fn is_orthonormal(frame: &Block, dim: usize) -> bool {

@@ -129,14 +129,7 @@ impl Curve<'_> {
         {
             return self.arrive_at(&found);
         }
-        // The zero of the determinant as the guess.
-        if self.locate(Monitor::Singular)?.is_none() {
-            return Ok(Err(Unresolved::Crossing));
-        }
-        match self.singular_near(&self.next.x)? {
-            Some(found) if self.is_between(&found.x, &beyond) => self.arrive_at(&found),
-            _ => Ok(Err(Unresolved::Crossing)),
-        }
+        Ok(Err(Unresolved::Crossing))
     }
 
     /// Whether x lies near the segment from `here` to `beyond`, whose end counts; not if it is `here`, a branch point that the curve has
@@ -168,7 +161,7 @@ impl Curve<'_> {
         let most = 1.0 + if found.simple { 1.0 } else { ROOT };
         // Along trivial solutions rows have no terms by which their decline could be measured.
         let measured = !self.scale.rows.contains(&0.0);
-        let (mut state, mut before) = (target.clone(), (0.0, self.here.t.clone()));
+        let (mut state, mut before) = (target.clone(), self.here.t.clone());
         for share in SHARES {
             // No other one may lie before or beyond it.
             let find = match share == SHARES[0] {
@@ -181,7 +174,7 @@ impl Curve<'_> {
             let left = (1.0 - share) * target.s;
             let near = distance(&state.x, &found.x) <= RATIO * left + rounding;
             let turned = state.orientation != self.here.orientation;
-            if !near || turned || dot(&state.t, &before.1) < self.setup.options.min_cos {
+            if !near || turned || dot(&state.t, &before) < self.setup.options.min_cos {
                 return Ok(Err(Unresolved::Crossing));
             }
             if share == SHARES[0]
@@ -190,14 +183,9 @@ impl Curve<'_> {
             {
                 return Ok(Err(Unresolved::Crossing));
             }
-            // The tangent at the branch point, extrapolated.
-            let ahead = (1.0 - share) / (share - before.0);
-            for (t, (new, old)) in target.t.iter_mut().zip(state.t.iter().zip(&before.1)) {
-                *t = new + ahead * (new - old);
-            }
-            let length = norm(&target.t);
-            target.t.iter_mut().for_each(|t| *t /= length);
-            before = (share, state.t.clone());
+            // The last of the tangents is as good as that of the branch point.
+            before.copy_from_slice(&state.t);
+            target.t.copy_from_slice(&state.t);
         }
         self.settle_at(target);
         Ok(Ok(()))
