@@ -138,14 +138,10 @@ impl Curve<'_> {
         if let (Some(before), Some(after)) = (self.here.orientation, after)
             && before != after
         {
-            let error = ContinuationError::Orientation {
+            *jump = Some(ContinuationError::Orientation {
                 parameter: self.here.x.last().copied().unwrap_or(f64::NAN),
                 site: self.map.site_name(vanishing[0].site).into_owned(),
-            };
-            if affine {
-                return Err(error);
-            }
-            *jump = Some(error);
+            });
             return Ok(None);
         }
         Ok(Some((arm, before)))

@@ -166,6 +166,8 @@ pub(super) struct ContactInput {
     pub friction_across: Option<f64>,
     pub shear_limit: Option<f64>,
     pub tension: Option<f64>,
+    /// An area per force: the depth of wear is this times pressure times slip.
+    pub wear: Option<f64>,
     #[serde(default)]
     pub bonded: bool,
     /// Of a layer between both sides, per area: normal, tangential.

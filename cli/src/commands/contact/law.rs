@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use semismooth::contact::{
     Bonded, Cohesive, ContactBody, FrictionCoefficient, FrictionCurve, LimitedShear, NodeLaw,
-    OrthotropicCoulomb, PlanarCoulomb,
+    OrthotropicCoulomb, PlanarCoulomb, Worn,
 };
 
 use super::input::ContactInput;
@@ -26,11 +26,23 @@ impl RunFile {
             (None, 2) => Arc::new(self.planar()?) as Law,
             (None, _) => Arc::new(self.orthotropic()?),
         };
-        let Some(tension) = contact.tension else {
-            return Ok(of_friction);
+        let law: Law = match contact.tension {
+            None => of_friction,
+            Some(tension) => {
+                let tension = areas.iter().map(|a| tension * a).collect();
+                let law = Cohesive::new(of_friction, tension);
+                Arc::new(law.map_err(|e| self.wrong(place, "contact.tension", e))?)
+            }
         };
-        let tension = areas.iter().map(|a| tension * a).collect();
-        let law = Cohesive::new(of_friction, tension).map_err(|e| self.wrong(place, "contact.tension", e))?;
+        let Some(wear) = contact.wear else {
+            return Ok(law);
+        };
+        if self.input.run.get_ref().follow.is_some() {
+            let what = "surfaces wear along histories: write run.levels in place of run.follow";
+            return Err(self.wrong(place, "contact.wear", what));
+        }
+        let rates = areas.iter().map(|a| wear / a).collect();
+        let law = Worn::new(law, rates).map_err(|e| self.wrong(place, "contact.wear", e))?;
         Ok(Arc::new(law))
     }
 
@@ -42,9 +54,10 @@ impl RunFile {
             contact.friction_across,
             contact.shear_limit,
             contact.tension,
+            contact.wear,
         ];
         if others.iter().any(Option::is_some) || contact.friction_by_slip.is_some() {
-            let what = "bonded nodes have no friction, limit of shear or tension";
+            let what = "bonded nodes have no friction, limit of shear, tension or wear";
             return Err(self.wrong(place, "contact.bonded", what));
         }
         Ok(match dim {
