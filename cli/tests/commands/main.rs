@@ -243,7 +243,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "levels = [0.0, 0.25",
             "levels = [nan, 0.25",
-            &["line 80", "run.levels", "NaN is not finite"],
+            &["line 82", "run.levels", "NaN is not finite"],
         ),
         (
             "value = [0.0, -0.02]",
@@ -299,7 +299,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "levels = ",
             "# levels = ",
-            &["line 80", "run", "one of levels and follow"],
+            &["line 82", "run", "one of levels and follow"],
         ),
         ("[[support]]", "[[tension]]", &["tension"]),
         (
@@ -343,7 +343,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
             "[[force]]\nnodes = \"edge\"",
             &["force.value", "no group \"edge\" of nodes"],
         ),
-        ("[run]", "[run", &["line 80"]),
+        ("[run]", "[run", &["line 82"]),
     ];
     for (from, to, expected) in cases {
         run_file(&folder, &[(from, to)]);
