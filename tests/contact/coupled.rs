@@ -1,14 +1,14 @@
 //! Contact between two bodies in the displacements alone: the trace of a slave node is a variable in place of its displacement.
 
 use semismooth::contact::{
-    CondensedContact, ContactError, ContactForm, ContactStrategy, FrictionCoefficient, LoadPath, NodeLaw,
-    OrthotropicCoulomb, PlanarCoulomb, ReducedContact, ReducedOptions,
+    CondensedContact, ContactError, ContactForm, ContactStrategy, LoadPath, NodeLaw, ReducedContact,
+    ReducedOptions,
 };
-use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Material, Mortar};
+use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, Mortar};
 use semismooth::sparse::Matrix;
 use semismooth::{contact_problem, reduced_body};
 
-use crate::two_bodies::{Order, Stack};
+use crate::two_bodies::{Order, Stack, planar, spatial};
 
 /// Two blocks pressed together, the upper one pulled at its side; they part where x is small.
 fn pressed(stack: &Stack, roles: [&str; 2]) -> (ElasticSystem, ContactRows, LoadPath) {
@@ -79,14 +79,6 @@ fn agree<L: NodeLaw + Clone + Sync>(stack: &Stack, roles: [&str; 2], law: &L) ->
     met
 }
 
-fn planar() -> PlanarCoulomb {
-    PlanarCoulomb::new(FrictionCoefficient::constant(0.3).unwrap())
-}
-
-fn spatial() -> OrthotropicCoulomb {
-    OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.3).unwrap())
-}
-
 /// Meshes that match and that do not, inclined, bent, of simplices, either side as slave; and a crack, next to whose tip multipliers act on
 /// several nodes of the slave.
 #[test]
@@ -100,7 +92,7 @@ fn two_bodies_have_one_solution_in_all_forms() {
             ..Stack::new(2, cells)
         };
         for roles in [["upper", "lower"], ["lower", "upper"]] {
-            count(agree(&stack, roles, &planar()));
+            count(agree(&stack, roles, &planar(0.3)));
         }
     }
     for (cells, simplices, bent) in [([3, 4], false, 0.0), ([4, 3], true, 0.4)] {
@@ -110,7 +102,7 @@ fn two_bodies_have_one_solution_in_all_forms() {
             bent,
             ..Stack::new(3, cells)
         };
-        count(agree(&stack, ["upper", "lower"], &spatial()));
+        count(agree(&stack, ["upper", "lower"], &spatial(0.3)));
     }
     for dim in [2, 3] {
         let stack = Stack {
@@ -118,8 +110,8 @@ fn two_bodies_have_one_solution_in_all_forms() {
             ..Stack::new(dim, [4, 4])
         };
         count(match dim {
-            2 => agree(&stack, ["upper", "lower"], &planar()),
-            _ => agree(&stack, ["upper", "lower"], &spatial()),
+            2 => agree(&stack, ["upper", "lower"], &planar(0.3)),
+            _ => agree(&stack, ["upper", "lower"], &spatial(0.3)),
         });
     }
     assert!(met.iter().all(|n| *n > 0), "{met:?}");
@@ -132,8 +124,7 @@ fn few_iterations_solve_two_bodies() {
     let (system, rows, load) = pressed(&Stack::new(3, [10, 8]), ["lower", "upper"]);
     let body = reduced_body(&system, &rows, load).unwrap();
     assert!(body.is_supported());
-    let law = OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.0).unwrap());
-    let mut problem = ReducedContact::new(body, law, ReducedOptions::default()).unwrap();
+    let mut problem = ReducedContact::new(body, spatial(0.0), ReducedOptions::default()).unwrap();
     assert!(problem.levels().len() > 1);
     let found = problem.solve(0.0, None).unwrap();
     assert_eq!(found.strategy, ContactStrategy::Newton);
@@ -151,11 +142,11 @@ fn derivatives_between_bodies_are_those_of_the_condensed_form() {
     let (system, rows, load) = pressed(&Stack::new(2, [5, 8]), ["lower", "upper"]);
     let (n, p) = (system.num_free(), rows.nodes.len());
     let body = || semismooth::contact_body(&system, &rows, load.clone()).unwrap();
-    let condensed = CondensedContact::new(body(), planar()).unwrap();
+    let condensed = CondensedContact::new(body(), planar(0.3)).unwrap();
     let x = condensed.solve(0.4, None).unwrap();
     let reduced = reduced_body(&system, &rows, load.clone()).unwrap();
     let options = ReducedOptions::default().with_tolerance(1e-13);
-    let mut reduced = ReducedContact::new(reduced, planar(), options).unwrap();
+    let mut reduced = ReducedContact::new(reduced, planar(0.3), options).unwrap();
     let found = reduced.solve(0.4, None).unwrap();
     near(&x[..2 * p], &found.forces, 1e-10);
     let columns: Vec<(usize, usize, f64)> = (0..n).map(|k| (k, k % 3, 0.1 + (k % 7) as f64)).collect();
@@ -183,6 +174,25 @@ fn derivatives_between_bodies_are_those_of_the_condensed_form() {
         *expected += change.displacements.iter().sum::<f64>();
     }
     near(&expected, &other.vjp(&vec![1.0; n], &weights).unwrap(), 1e-8);
+}
+
+/// A solid large enough for the displacements alone that contact alone holds is condensed.
+#[test]
+fn bodies_that_contact_holds_are_condensed() {
+    let mut mesh = Mesh::block([0.0; 3], [1.0; 3], [12, 12, 12]).unwrap();
+    mesh.mark_boundary("corner", |f| {
+        f.centre[2] < 0.01 && f.centre[0] < 0.1 && f.centre[1] < 0.1
+    });
+    let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap())
+        .floating()
+        .assemble()
+        .unwrap();
+    let ground = Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]);
+    let rows = system.contact("corner", &ground).unwrap();
+    let load = LoadPath::constant(vec![0.0; system.num_free()]);
+    assert!(!reduced_body(&system, &rows, load.clone()).unwrap().is_supported());
+    let problem = contact_problem(&system, &rows, load, spatial(0.3), ContactForm::Auto).unwrap();
+    assert_eq!(problem.form(), ContactForm::Condensed);
 }
 
 /// On facets of second order neighbouring multipliers share nodes, and none has one for itself.

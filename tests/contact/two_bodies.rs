@@ -215,12 +215,12 @@ fn passes<L: NodeLaw>(stack: &Stack, law: L, roles: [&str; 2], tolerance: f64) {
 
 const ROLES: [[&str; 2]; 2] = [["upper", "lower"], ["lower", "upper"]];
 
-fn planar() -> PlanarCoulomb {
-    PlanarCoulomb::new(FrictionCoefficient::constant(5.0).unwrap())
+pub fn planar(friction: f64) -> PlanarCoulomb {
+    PlanarCoulomb::new(FrictionCoefficient::constant(friction).unwrap())
 }
 
-fn spatial() -> OrthotropicCoulomb {
-    OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(5.0).unwrap())
+pub fn spatial(friction: f64) -> OrthotropicCoulomb {
+    OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(friction).unwrap())
 }
 
 #[test]
@@ -232,7 +232,7 @@ fn uniform_stress_passes_through_plane_interfaces() {
                 simplices,
                 ..Stack::new(2, cells)
             };
-            passes(&stack, planar(), roles, 1e-12);
+            passes(&stack, planar(5.0), roles, 1e-12);
         }
     }
 }
@@ -253,7 +253,7 @@ fn uniform_stress_passes_between_cells_of_second_order() {
                     order,
                     ..Stack::new(2, cells)
                 };
-                passes(&stack, planar(), roles, 1e-12);
+                passes(&stack, planar(5.0), roles, 1e-12);
             }
             let stack = Stack {
                 slope: 0.2,
@@ -261,7 +261,7 @@ fn uniform_stress_passes_between_cells_of_second_order() {
                 order,
                 ..Stack::new(3, [1, 2])
             };
-            passes(&stack, spatial(), roles, 1e-12);
+            passes(&stack, spatial(5.0), roles, 1e-12);
         }
     }
 }
@@ -280,7 +280,7 @@ fn uniform_stress_passes_through_interfaces_in_space() {
                 bent,
                 ..Stack::new(3, cells)
             };
-            passes(&stack, spatial(), roles, 1e-12);
+            passes(&stack, spatial(5.0), roles, 1e-12);
         }
     }
 }
@@ -302,8 +302,8 @@ fn uniform_stress_passes_through_a_crack() {
         let measure: f64 = rows.areas.iter().sum();
         assert!((measure - 0.5 * 1.01f64.sqrt()).abs() < 1e-13);
         match dim {
-            2 => passes(&stack, planar(), ROLES[0], 1e-12),
-            _ => passes(&stack, spatial(), ROLES[0], 1e-12),
+            2 => passes(&stack, planar(5.0), ROLES[0], 1e-12),
+            _ => passes(&stack, spatial(5.0), ROLES[0], 1e-12),
         }
     }
 }

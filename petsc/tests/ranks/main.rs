@@ -12,6 +12,7 @@ use semismooth::contact::{
     ContactError, FrictionCoefficient, LocalRow, LocalValues, NodeLaw, OrthotropicCoulomb, ReducedOptions,
 };
 use semismooth::fem::{CellKind, Elasticity, Foundation, Material, Mesh};
+use semismooth::sparse::Matrix;
 use semismooth_petsc::{DistributedBody, DistributedContact, Error, Part, PartField, World, run};
 
 /// A job that takes longer counts as hanging.
@@ -182,6 +183,7 @@ fn from_outside(wanted: &dyn Fn(&str) -> bool) {
         ("law", "does not determine the forces", 1),
         ("length", "the load", 2),
         ("floating", "rigid motions", 0),
+        ("coupled", "couple several nodes", 1),
         ("dense", "bytes", 0),
         ("too-many", "cannot be cut", 0),
         ("too-few-nodes", "cannot be spread", 0),
@@ -280,7 +282,13 @@ fn contact(world: &World, case: &str) -> Result<(), Error> {
     let system = world.agree(body.discretize())?;
     let mut load = world.agree(system.traction("top", |_| [0.01, 0.0, -0.01]))?;
     let ground = Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]);
-    let rows = world.agree(system.contact("bottom", &ground))?;
+    let mut rows = world.agree(system.contact("bottom", &ground))?;
+    if case == "coupled" && world.rank() == 1 {
+        // As between two bodies: a row with the displacements of two nodes.
+        let (p, n) = (rows.nodes.len(), system.num_free());
+        let own = rows.normal.triplets().chain([(0, 0, -0.5), (0, n - 1, -0.5)]);
+        rows.normal = Matrix::from_triplets(p, n, &own.collect::<Vec<_>>()).expect("contact nodes here");
+    }
     let body = DistributedBody::new(world, &part, &system, &rows)?;
     if case == "memory" {
         let needed = body.memory(&ReducedOptions::default());

@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 use self::corner::Blocked;
 use self::locate::Stretch;
 use self::system::{State, System};
-use super::event::monitor::Function;
+use super::event::monitor::{Watch, sign};
 use super::start::onto_curve;
 use super::{
     Branch, BranchVertex, ContinuationError, ContinuationOptions, Direction, MonitorCrossing, Point,
@@ -50,7 +50,7 @@ pub struct BlackBoxCurve<'a> {
     x: Vec<f64>,
     direction: Direction,
     options: ContinuationOptions,
-    monitors: Vec<(String, Function<'a>, bool)>,
+    monitors: Vec<Watch<'a>>,
     over: Option<Box<dyn Fn() -> bool + 'a>>,
 }
 
@@ -89,7 +89,8 @@ impl<'a> BlackBoxCurve<'a> {
         name: impl Into<String>,
         function: impl Fn(&[f64]) -> f64 + Send + Sync + 'a,
     ) -> Self {
-        self.monitors.push((name.into(), Box::new(function), false));
+        self.monitors
+            .push(Watch::new(name.into(), Box::new(function), false, 0.0));
         self
     }
 
@@ -100,7 +101,8 @@ impl<'a> BlackBoxCurve<'a> {
         name: impl Into<String>,
         function: impl Fn(&[f64]) -> f64 + Send + Sync + 'a,
     ) -> Self {
-        self.monitors.push((name.into(), Box::new(function), true));
+        self.monitors
+            .push(Watch::new(name.into(), Box::new(function), true, 0.0));
         self
     }
 
@@ -151,9 +153,7 @@ enum What {
 struct Walk<'a, 'o> {
     system: System<'a>,
     options: ContinuationOptions,
-    monitors: Vec<(String, Function<'a>, bool)>,
-    /// The sign of each monitor since its last zero; 0 as long as it has vanished.
-    sides: Vec<f64>,
+    monitors: Vec<Watch<'a>>,
     /// The sign of α̇ since its last change.
     side: f64,
     over: Option<Box<dyn Fn() -> bool + 'a>>,
@@ -177,7 +177,7 @@ impl<'a, 'o> Walk<'a, 'o> {
             x,
             direction,
             options,
-            monitors,
+            mut monitors,
             over,
         } = curve;
         options.validate()?;
@@ -196,9 +196,8 @@ impl<'a, 'o> Walk<'a, 'o> {
         )?;
         let here = first(&mut system, &x, &direction)?;
         let size = |v: &[f64]| 1.0 + norm(v);
-        let sign = |m: &(String, Function<'_>, bool)| sign((m.1)(&x));
+        monitors.iter_mut().for_each(|m| m.side = sign(m.value(&x)));
         Ok(Self {
-            sides: monitors.iter().map(sign).collect(),
             side: rate_sign(&here),
             largest: options.max_growth * size(&x),
             clock: Clock::start(),
@@ -312,14 +311,14 @@ impl<'a, 'o> Walk<'a, 'o> {
     fn zeros_of_monitors(&mut self, whole: Stretch<'_>, met: &mut Vec<(f64, What, State)>) {
         let [(_, here), (_, end)] = whole.ends;
         for k in 0..self.monitors.len() {
-            let (system, function) = (&mut self.system, &self.monitors[k].1);
+            let (system, monitor) = (&mut self.system, &self.monitors[k]);
             let sizes = system.sizes().to_vec();
             let value = |s: &State| {
                 let x: Vec<f64> = s.z.iter().zip(&sizes).map(|(z, s)| z * s).collect();
-                function(&x)
+                monitor.value(&x)
             };
             let values = [value(here), value(end)];
-            let (before, after) = (self.sides[k], sign(values[1]));
+            let (before, after) = (monitor.side, sign(values[1]));
             if before * after < 0.0 {
                 let found = match sign(values[0]) == before {
                     true => system.root(whole, &value, values),
@@ -329,7 +328,7 @@ impl<'a, 'o> Walk<'a, 'o> {
                 met.extend(found.map(|(at, state)| (at, What::Monitor(k), state)));
             }
             if after != 0.0 {
-                self.sides[k] = after;
+                self.monitors[k].side = after;
             }
         }
     }
@@ -423,15 +422,15 @@ impl<'a, 'o> Walk<'a, 'o> {
                 .map_break(|()| Termination::Interrupted)?;
         }
         for k in 0..self.monitors.len() {
-            let value = |s: &State| (self.monitors[k].1)(&self.system.unscaled(&s.z));
+            let value = |s: &State| self.monitors[k].value(&self.system.unscaled(&s.z));
             let side = sign(value(&behind));
-            if self.sides[k] * side < 0.0
+            if self.monitors[k].side * side < 0.0
                 && let Some(state) = nearest(&|s| value(s).abs())
             {
                 self.happen(What::Monitor(k), &state, arc(&here, &state))?;
             }
             if side != 0.0 {
-                self.sides[k] = side;
+                self.monitors[k].side = side;
             }
         }
         let (lower, upper) = self.options.parameter_range;
@@ -466,7 +465,7 @@ impl<'a, 'o> Walk<'a, 'o> {
         match what {
             What::Bound => ControlFlow::Break(Termination::ParameterRange),
             What::Closed => ControlFlow::Break(Termination::Closed),
-            What::Monitor(k) if self.monitors[k].2 => ControlFlow::Break(Termination::Monitor),
+            What::Monitor(k) if self.monitors[k].stops => ControlFlow::Break(Termination::Monitor),
             _ => told.map_break(|()| Termination::Interrupted),
         }
     }
@@ -496,7 +495,7 @@ impl<'a, 'o> Walk<'a, 'o> {
         };
         let name = match what {
             Some(What::Turn) => TURN,
-            Some(What::Monitor(k)) => &self.monitors[k].0,
+            Some(What::Monitor(k)) => &self.monitors[k].name,
             _ => "point",
         };
         let told = (self.observe)(&BranchVertex::regular(&point, name));
@@ -504,7 +503,7 @@ impl<'a, 'o> Walk<'a, 'o> {
             Some(What::Turn) => self.branch.turns.push(point),
             Some(What::Monitor(monitor)) => self.branch.monitor_crossings.push(MonitorCrossing {
                 monitor,
-                name: self.monitors[monitor].0.clone(),
+                name: self.monitors[monitor].name.clone(),
                 point,
             }),
             _ => self.branch.points.push(point),
@@ -569,16 +568,6 @@ fn arc(a: &State, b: &State) -> f64 {
     let turned = distance(&a.tangent, &b.tangent).powi(2);
     let bent = if turned < 1.0 { turned / 24.0 } else { 0.0 };
     distance(&a.z, &b.z) * (1.0 + bent)
-}
-
-fn sign(value: f64) -> f64 {
-    if value > 0.0 {
-        1.0
-    } else if value < 0.0 {
-        -1.0
-    } else {
-        0.0
-    }
 }
 
 /// The sign of α̇; 0 where the curve is vertical to rounding.

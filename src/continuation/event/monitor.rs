@@ -80,7 +80,17 @@ pub(in crate::continuation) struct Watch<'a> {
     pub(in crate::continuation) jumped: bool,
 }
 
-impl Watch<'_> {
+impl<'a> Watch<'a> {
+    pub(in crate::continuation) fn new(name: String, function: Function<'a>, stops: bool, side: f64) -> Self {
+        Self {
+            name,
+            function,
+            stops,
+            side,
+            jumped: false,
+        }
+    }
+
     pub(in crate::continuation) fn value(&self, x: &[f64]) -> f64 {
         (self.function)(x)
     }
@@ -108,13 +118,9 @@ impl<'a> Curve<'a> {
             Some(side) => *side,
             None => sign(self.map.value_at(&self.here.x, &function)),
         };
-        self.monitors.watches.push(Watch {
-            name,
-            function,
-            stops,
-            side,
-            jumped: false,
-        });
+        self.monitors
+            .watches
+            .push(Watch::new(name, function, stops, side));
     }
 
     /// The value of monitor k at x, with the sign that is positive before its next zero; 0 as long as it has vanished.
@@ -312,7 +318,7 @@ impl<'a> Curve<'a> {
     }
 }
 
-fn sign(v: f64) -> f64 {
+pub(in crate::continuation) fn sign(v: f64) -> f64 {
     if v > 0.0 {
         1.0
     } else if v < 0.0 {

@@ -36,8 +36,9 @@ const PROBES: usize = 4;
 /// At a kink the nodes that it is at are freed, and their forces obey the law's rates: a problem in these forces alone, whose compliance
 /// takes one linear solve for each of them, once. What [`Sensitivity`] says of that problem is what is said of this one; products then
 /// take two solves each. Where nodes slip the linear system may be singular: one solve with a random right-hand side, before anything is
-/// said of a solution, tells. [`jvp`](Self::jvp) and [`vjp`](Self::vjp) away from kinks do without it. Linear solves are known to a relative 1e-11: a kink far smaller than 1e-7 of the rates is not seen, and *differentiable*
-/// then undecided, and where a rate problem is singular but for that accuracy nothing is said.
+/// said of a solution, tells. [`jvp`](Self::jvp) and [`vjp`](Self::vjp) away from kinks do without it. Linear solves are known to a
+/// relative 1e-11: a kink far smaller than 1e-7 of the rates is not seen, and *differentiable* then undecided, and where a rate problem
+/// is singular but for that accuracy nothing is said.
 pub struct ReducedSensitivity<'a> {
     system: &'a mut SerialSystem,
     components: &'a [usize],
