@@ -117,8 +117,8 @@ fn two_bodies_have_one_solution_in_all_forms() {
     assert!(met.iter().all(|n| *n > 0), "{met:?}");
 }
 
-/// Solids whose slave nodes slide freely: each system falls by 1e-8 within 40 iterations of multigrid, as slave nodes are gathered apart.
-/// With them among others it takes 46.
+/// Solids whose slave nodes slide freely: each system falls by 1e-8 within 20 iterations of multigrid, as the nodes of each body and the
+/// slave nodes are gathered apart. With either distinction alone it takes 24 and more.
 #[test]
 fn few_iterations_solve_two_bodies() {
     let (system, rows, load) = pressed(&Stack::new(3, [10, 8]), ["lower", "upper"]);
@@ -132,7 +132,7 @@ fn few_iterations_solve_two_bodies() {
     assert!(!exact.is_empty());
     for step in exact {
         let needed = step.krylov as f64 * 1e-8_f64.ln() / step.forcing.ln();
-        assert!(needed <= 40.0, "{step:?}");
+        assert!(needed <= 20.0, "{step:?}");
     }
 }
 
